@@ -164,10 +164,24 @@ def write_picture(path: Path, colour: NDArray[np.float32]) -> None:
 
     Raises BadInputError where that fails.
     """
+    write_halves(path, in_halves(colour), compressed=False)
+
+
+def in_halves(colour: NDArray[np.float32]) -> NDArray[np.float16]:
+    """Return a colour (H, W, C) as half floats: values beyond their range are moved to its ends, and 0 stands for what
+    is no number."""
     ends = np.finfo(np.float16)
-    halves = np.clip(np.nan_to_num(colour, posinf=np.inf, neginf=-np.inf), ends.min, ends.max).astype(np.float16)
-    channels = {letter: np.ascontiguousarray(halves[..., k]) for k, letter in enumerate("RGBA")}
-    _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
+    return np.clip(np.nan_to_num(colour, posinf=np.inf, neginf=-np.inf), ends.min, ends.max).astype(np.float16)
+
+
+def write_halves(
+    path: Path, colour: NDArray[np.float16], *, compressed: bool = True, texts: Mapping[str, str] = NO_TEXTS
+) -> None:
+    """Write a colour (H, W, 4) in half floats into a file of one part, with these texts in its header. Raises
+    BadInputError where that fails."""
+    channels = {letter: np.ascontiguousarray(colour[..., k]) for k, letter in enumerate("RGBA")}
+    compression = _openexr().ZIP_COMPRESSION if compressed else _openexr().NO_COMPRESSION
+    _write(path, channels, {"compression": compression, **texts})
 
 
 def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:

@@ -14,7 +14,7 @@ from typing import Any, TextIO
 from ..errors import StereoReprojectError
 from ..pipeline.stages import label_of
 from .progress import clock
-from .supervisor import FRAME, Event
+from .supervisor import FRAME, VIEW, Event
 
 PROGRAM = "stereo_reproject"
 BAR_LENGTH = 24
@@ -93,15 +93,19 @@ class Console:
 
     def _on_stage(self, event: Event) -> None:
         """Show the stage that the worker is in, and how much of it is done. In an animation the stage is shown in the
-        line of all frames."""
+        line of all frames, and while many views are made in theirs."""
         stage, detail = str(event.get("stage")), str(event.get("detail") or "")
         if detail.startswith(FRAME):
             self._animation_line().update(event.get("fraction"), f"{detail}: {label_of(stage)}")
             return
+        view, fraction = VIEW.fullmatch(detail), event.get("fraction")
+        if view is not None:
+            # One line for all views, whatever stages each of them goes through.
+            stage, fraction, detail = "views", (int(view[1]) - 1) / max(int(view[2]), 1), f"{detail}: {label_of(stage)}"
         if self._line is None or self._line.stage != stage:
             self.end_stage()
             self._line = _StageLine(stage, sys.stdout)
-        self._line.update(event.get("fraction"), str(event.get("detail") or ""))
+        self._line.update(fraction, detail)
 
     def on_tick(self) -> None:
         """Draw the progress line anew, so that its seconds go on. To be called several times a second."""

@@ -8,7 +8,8 @@ The worker (`python -m stereo_reproject.programs.worker`)
 ------------------------------------------------
 stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
          "settings": StereoSettings as nested dicts, "files": those to be made, "only": names of runs, "session": a
-         Session as a dict, "animation": AnimationSettings as a dict, or null, "strict": whether a warning that is known
+         Session as a dict, "animation": AnimationSettings as a dict, or null,
+         "views": ViewsSettings as a dict, or null, "strict": whether a warning that is known
          before the first render is an error, "pictures", "first_look": as in `Job`}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
@@ -34,6 +35,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -46,16 +48,29 @@ from ..files import is_missing
 from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import StereoSettings
+from ..settings.views import ViewsSettings
 from ..words import Words, from_data
 from .interrupts import Interrupts, RunInterruptedError
 from .plain_paths import STAND_INS, plain_blend
-from .work_folder import CUTOUTS, FILES, check_complete, publish, superseded_by, with_cutouts, work_folder
+from .work_folder import (
+    CUTOUTS,
+    FILES,
+    check_complete,
+    publish,
+    superseded_by,
+    views_superseded_by,
+    with_cutouts,
+    work_folder,
+)
 from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
 
 Event = dict[str, Any]
 
 FRAME = "frame "
 """Beginning of the detail of an animation's stages; the frame's number follows."""
+
+VIEW = re.compile(r"view (\d+) of (\d+)")
+"""Detail of the stages of many views, while one of them is made: its number from 1 on, and how many there are."""
 
 HANDED_OVER = Stage.WRITE
 """The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
@@ -86,7 +101,7 @@ class Job:
     command is a key of `worker.COMMANDS`. files are the names of the files that it is to make; the last of them (the
     report) is moved into place last, so that where it stands the others are complete. Without files, output may be
     None. only names the cases of a price list that are wanted; empty means all. animation has the settings of an
-    animation, and is None for any other command.
+    animation, and views those of many views; each is None for any other command.
 
     pictures: True where the eyes are wanted as pictures while they are made, each announced by an event "picture" whose
     file is whole and lives as long as the run; first_look: True where the first of them is to have a single sample.
@@ -106,6 +121,7 @@ class Job:
     strict: bool = False
     pictures: bool = False
     first_look: bool = False
+    views: ViewsSettings | None = None
 
 
 class WorkerCrashedError(StereoReprojectError):
@@ -138,15 +154,33 @@ def run_worker(
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
-        made = done.get("files") or []
-        # Only what was rendered tells whether there are cut-outs.
-        has_cutouts = job.command == "render" and isinstance(made, list) and CUTOUTS in made
-        files = tuple(made) if job.command == "animate" else with_cutouts(job.files, cutouts=has_cutouts)
+        files = _files_made(job, done.get("files"))
         if job.output is not None:
             check_complete(work / "out", done.get("files"), files)
-            superseded = superseded_by(files) if job.command == "render" else ()
+            superseded = _superseded(job, job.output, files)
             publish(work, job.output, files, superseded=superseded, between_steps=interrupts.check)
     return report
+
+
+def _files_made(job: Job, names: Any) -> tuple[str, ...]:
+    """Return the names of the files that the job's result consists of, the report last. names is the list that the
+    worker reported (which may be anything)."""
+    made = [str(name) for name in names] if isinstance(names, list) else []
+    if job.command == "animate":
+        return tuple(made)
+    if job.command == "views":
+        # Only what was rendered tells the quilt's name.
+        return (*(name for name in made if name not in job.files), *job.files)
+    # And only that tells whether there are cut-outs.
+    return with_cutouts(job.files, cutouts=job.command == "render" and CUTOUTS in made)
+
+
+def _superseded(job: Job, output: Path, files: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of files in the folder `output` that an earlier run of the job's kind left there, and that do
+    not belong to those of its result."""
+    if job.command == "views":
+        return views_superseded_by(output, files)
+    return superseded_by(files) if job.command == "render" else ()
 
 
 @contextlib.contextmanager
@@ -205,6 +239,7 @@ def _message(job: Job, work: Path, blend: Path) -> bytes:
         "only": list(job.only),
         "session": asdict(job.session),
         "animation": None if job.animation is None else asdict(job.animation),
+        "views": None if job.views is None else asdict(job.views),
         "strict": job.strict,
         "pictures": job.pictures,
         "first_look": job.first_look,

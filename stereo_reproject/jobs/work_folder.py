@@ -16,6 +16,7 @@ import errno
 import hashlib
 import os
 import platform
+import re
 import secrets
 import shutil
 import sys
@@ -26,8 +27,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..delivery.quilts import QUILT_FILE
 from ..errors import BadInputError, StereoReprojectError
 from ..files import flush, flush_folder, is_missing, leads_elsewhere, put_in_place, read_small
+from ..settings.views import ViewsSettings
 from ..words import Words
 from .plain_paths import plain_path
 
@@ -70,6 +73,38 @@ def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
     """Return the names of files that an earlier pair may have left in the folder and that a pair with these `files`
     does not have. They are removed, because they would not belong to it."""
     return tuple(name for name in with_cutouts(pair_files(compare=True), cutouts=True) if name not in files)
+
+
+VIEWS_FOLDER = "views"
+"""Name of the folder, in that of the result, that holds the pictures of many views, one file for each."""
+
+CONTACT_SHEET = "contact.png"
+SWEEP = "sweep.mp4"
+"""Names of the files that show many views: beside each other, and one after the other."""
+
+_VIEW_FILE = re.compile(r"view_\d{2,3}\.exr")
+
+
+def views_files(views: ViewsSettings) -> tuple[str, ...]:
+    """Return the names of the files of many views, the report last, but for those of the quilt: only the rendered
+    pictures tell the aspect that its name has."""
+    return (*(f"{VIEWS_FOLDER}/{name}.exr" for name in views.names), CONTACT_SHEET, SWEEP, FILES[-1])
+
+
+def views_superseded_by(output: Path, files: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of files in the folder `output` that an earlier run of other views left there, and that one with
+    these `files` does not have: its quilts, and views of higher numbers."""
+    found = [path.name for path in _listed(output) if QUILT_FILE.fullmatch(path.name)]
+    views = [path.name for path in _listed(output / VIEWS_FOLDER) if _VIEW_FILE.fullmatch(path.name)]
+    found += [f"{VIEWS_FOLDER}/{name}" for name in views]
+    return tuple(name for name in sorted(found) if name not in files and not (output / name).is_dir())
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Return the paths in a folder; an empty list where it cannot be listed."""
+    with contextlib.suppress(OSError):
+        return list(folder.iterdir())
+    return []
 
 
 WORK_PREFIX = ".stereo_reproject-"
@@ -156,7 +191,11 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
 
 
 def _check_names_free(output: Path, files: Sequence[str]) -> None:
-    """Raise BadInputError if a folder in `output` has the name of one of the files to be written."""
+    """Raise BadInputError if a folder in `output` has the name of one of the files to be written, or a file that of a
+    folder for them."""
+    for folder in _folders_of(output, files):
+        if os.path.lexists(folder) and not folder.is_dir():
+            raise BadInputError(Words("{folder} is not a folder; choose another folder", folder=folder))
     for name in files:
         if (output / name).is_dir():
             raise BadInputError(
@@ -165,6 +204,23 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
                     path=output / name,
                 )
             )
+
+
+def _folders_of(output: Path, files: Sequence[str]) -> list[Path]:
+    """Return the folders that the files of these names in `output` lie in, `output` itself first."""
+    return list(dict.fromkeys((output, *((output / name).parent for name in files))))
+
+
+def _make_folders_for(output: Path, files: Sequence[str], created: list[Path]) -> None:
+    """Make the missing folders of the files of these names in `output`; `created` is as for `_make_folders`."""
+    for folder in _folders_of(output, files):
+        _make_folders(folder, created)
+
+
+def _flush_folders_of(output: Path, files: Sequence[str]) -> None:
+    """Have the names of these files in `output` written to the disk itself. Raises OSError."""
+    for folder in _folders_of(output, files):
+        flush_folder(folder)
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
@@ -317,10 +373,13 @@ def publish(
     """
     made, old = work / "out", work / "old"
     moved: list[tuple[Path, Path]] = []
+    created: list[Path] = []
     try:
         for name in files:
             flush(made / name)
         _check_names_free(output, files)
+        _make_folders_for(output, files, created)
+        _make_folders_for(old, (*files, *superseded), [])
         # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
         # files that are not its own.
         earlier = (*reversed(files), *superseded)
@@ -329,16 +388,25 @@ def publish(
         for source, destination in steps:
             if source == made / files[-1]:
                 # After a power cut, too, it stands beside nothing but what it vouches for.
-                flush_folder(output)
+                _flush_folders_of(output, files)
             # Before it is done: whoever interrupts a slow drive may do so between the move and what comes after it.
             moved.append((source, destination))
             put_in_place(source, destination)
             between_steps()
         flush_folder(output)
     except BaseException as error:
-        for source, destination in reversed(moved):
-            with contextlib.suppress(OSError):
-                put_in_place(destination, source)
+        _undo(moved, created)
         if isinstance(error, OSError):
             raise _failed_write(output, error) from error
         raise
+
+
+def _undo(moved: Sequence[tuple[Path, Path]], created: Sequence[Path]) -> None:
+    """Move files back, each from the second path to the first, the last one first, and then remove folders that were
+    made for them. What cannot be undone is left."""
+    for source, destination in reversed(moved):
+        with contextlib.suppress(OSError):
+            put_in_place(destination, source)
+    for folder in reversed(created):
+        with contextlib.suppress(OSError):
+            folder.rmdir()

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..delivery.displays import DISPLAYS
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError
 from ..settings.accuracy import SETTINGS
@@ -23,6 +24,15 @@ from ..settings.frame import (
     WARPS,
     SceneOverrides,
     StereoSettings,
+)
+from ..settings.views import (
+    DEFAULT_CONE_DEGREES,
+    DEFAULT_COUNT,
+    MAX_COUNT,
+    MIN_COUNT,
+    ViewsSettings,
+    read_quilt,
+    views_settings,
 )
 from ..tradeoff.cases import tradeoff_cases
 from .converters import number, panorama_size, read_by, size, value_of, whole_number
@@ -155,6 +165,87 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def views_of(arguments: argparse.Namespace) -> ViewsSettings:
+    """Return the settings of many views from the parsed command-line options. Raises BadInputError."""
+    return views_settings(
+        display=arguments.display,
+        count=arguments.views,
+        cone_degrees=arguments.cone,
+        baseline=arguments.baseline,
+        focus_distance=arguments.focus,
+        quilt=arguments.quilt,
+        aspect=arguments.aspect,
+    )
+
+
+def add_views_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the `views` command to a parser."""
+    _add_scene_file(parser)
+    _add_picture(parser, size_of="one view")
+    _add_output(parser)
+    _add_views(parser)
+    _add_denoise(parser, what="all views")
+    _add_accuracy(parser, of="each view")
+    _add_packed_by(parser)
+    _add_warp(parser)
+    parser.add_argument(
+        "--compare",
+        action="store_true",
+        help="also render three of the views plainly, the outermost and one between, and measure against them",
+    )
+    _add_quiet(parser)
+    # What is said of pairs alone.
+    parser.set_defaults(
+        interocular=None,
+        convergence=None,
+        mode=None,
+        source=StereoSettings.source,
+        source_engine=None,
+        fill=StereoSettings.fill,
+        **dict.fromkeys(PANORAMAS),
+    )
+
+
+def _one_of_views(**field: Any) -> ViewsSettings:
+    """Return settings of many views with this one field, so that it is checked by itself."""
+    cone = {} if "baseline" in field else {"cone_degrees": DEFAULT_CONE_DEGREES}
+    return ViewsSettings(**{"count": MIN_COUNT, **cone, **field})
+
+
+def _add_views(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how many views there are, where their cameras stand and how they are put together to a
+    parser."""
+
+    def add(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
+        group.add_argument(option, metavar=metavar, type=value_of(_one_of_views, field, read), help=text)
+
+    parser.add_argument(
+        "--display",
+        metavar="NAME",
+        type=str.lower,
+        choices=DISPLAYS,
+        help="the light-field display that the views are for, which says their number, cone, quilt, aspect and size: "
+        f"{', '.join(DISPLAYS)}",
+    )
+    group: Any = parser
+    add("--views", "N", "count", whole_number, f"number of views, {MIN_COUNT} to {MAX_COUNT} ({DEFAULT_COUNT})")
+    group = parser.add_mutually_exclusive_group()
+    cone = "angle between the outermost cameras, seen from the middle of the focus plane, in degrees"
+    add("--cone", "DEGREES", "cone_degrees", number, f"{cone} ({DEFAULT_CONE_DEGREES:g})")
+    add("--baseline", "D", "baseline", number, "distance between the outermost cameras, in scene units")
+    group = parser
+    focus = "distance at which all views show the same, in scene units; without it the camera's convergence distance"
+    add("--focus", "D", "focus_distance", number, focus)
+    parser.add_argument(
+        "--quilt",
+        metavar="COLUMNSxROWS",
+        type=read_by(read_quilt),
+        help="grid of the quilt, the picture of all views; without it one that suits their number (8x6)",
+    )
+    aspect = "width of the display over its height, where the pixels of a view are not square; such as 1.7778"
+    add("--aspect", "RATIO", "aspect", number, aspect)
+
+
 def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the `inspect` command to a parser."""
     _add_scene(parser)
@@ -203,25 +294,12 @@ def _add_quiet(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_scene(parser: argparse.ArgumentParser, *, frame: str = "frame to render") -> None:
-    """Add the argument for the .blend, and the options that replace values of the scene, to a parser. `frame` is the
-    help text of the option --frame."""
-
-    def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
-        parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, field, read), help=text)
-
-    parser.add_argument("scene", metavar="SCENE.blend", help="the scene")
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="whatever the scene is known to lack before the first render is an error, such as a missing library or "
-        "texture; without it, a warning",
-    )
-    override("--frame", "N", "frame", whole_number, frame)
-    override("--size", "WxH", "size", size, "size of one eye in pixels, such as 1920x1080")
-    override("--samples", "N", "samples", whole_number, "samples per pixel")
-    override("--seed", "N", "seed", whole_number, "seed of the noise")
-    override("--interocular", "D", "interocular_distance", number, "distance between the eyes, in scene units")
-    override("--convergence", "D", "convergence_distance", number, "distance of zero parallax, in scene units")
+    """Add the argument for the .blend, and the options that replace values of the scene for a pair, to a parser.
+    `frame` is the help text of the option --frame."""
+    _add_scene_file(parser)
+    _add_picture(parser, frame=frame)
+    _add_override(parser, "--interocular", "D", number, "distance between the eyes, in scene units")
+    _add_override(parser, "--convergence", "D", number, "distance of zero parallax, in scene units")
     parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
@@ -233,6 +311,44 @@ def _add_scene(parser: argparse.ArgumentParser, *, frame: str = "frame to render
         choices=SOURCE_ENGINES,
         help="what renders it, in place of the scene's engine; Cycles traces the holes of either",
     )
+
+
+OVERRIDES = {
+    "--frame": "frame",
+    "--size": "size",
+    "--samples": "samples",
+    "--seed": "seed",
+    "--interocular": "interocular_distance",
+    "--convergence": "convergence_distance",
+}
+"""Options that replace one value of the scene, each with its field of `SceneOverrides`."""
+
+
+def _add_override(
+    parser: argparse.ArgumentParser, option: str, metavar: str, read: Callable[[str], Any], text: str
+) -> None:
+    """Add one of OVERRIDES to a parser, with the function that reads its text, and its help text."""
+    parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, OVERRIDES[option], read), help=text)
+
+
+def _add_scene_file(parser: argparse.ArgumentParser) -> None:
+    """Add the argument for the .blend, and the option that forbids what it may lack, to a parser."""
+    parser.add_argument("scene", metavar="SCENE.blend", help="the scene")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="whatever the scene is known to lack before the first render is an error, such as a missing library or "
+        "texture; without it, a warning",
+    )
+
+
+def _add_picture(parser: argparse.ArgumentParser, *, frame: str = "frame to render", size_of: str = "one eye") -> None:
+    """Add the options that say which frame is rendered, how large and by how many samples to a parser. `frame` is the
+    help text of the option --frame, size_of names what has the size."""
+    _add_override(parser, "--frame", "N", whole_number, frame)
+    _add_override(parser, "--size", "WxH", size, f"size of {size_of} in pixels, such as 1920x1080")
+    _add_override(parser, "--samples", "N", whole_number, "samples per pixel")
+    _add_override(parser, "--seed", "N", whole_number, "seed of the noise")
 
 
 def _add_panorama(parser: argparse.ArgumentParser) -> None:
@@ -252,14 +368,15 @@ def _add_panorama(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def _add_denoise(parser: argparse.ArgumentParser) -> None:
-    """Add the two options that turn denoising on or off to a parser; with neither, the scene decides."""
+def _add_denoise(parser: argparse.ArgumentParser, *, what: str = "both eyes") -> None:
+    """Add the two options that turn denoising on or off to a parser; with neither, the scene decides. `what` names what
+    is denoised."""
     either = parser.add_mutually_exclusive_group()
     either.add_argument(
         "--denoise",
         action="store_true",
         default=None,
-        help="denoise both eyes, whatever the scene says; with the scene's own denoiser",
+        help=f"denoise {what}, whatever the scene says; with the scene's own denoiser",
     )
     either.add_argument(
         "--no-denoise", dest="denoise", action="store_false", default=None, help="leave them noisy, whatever it says"
@@ -269,19 +386,7 @@ def _add_denoise(parser: argparse.ArgumentParser) -> None:
 def _add_pair(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how the pair is made to a parser: accuracy, fill method, grid, interpolation and
     warp."""
-    accuracy = parser.add_mutually_exclusive_group()
-    accuracy.add_argument(
-        "--accuracy",
-        choices=ACCURACIES,
-        default=StereoSettings.accuracy,
-        help=f"what is promised of the other eye: {_promises()} (%(default)s)",
-    )
-    accuracy.add_argument(
-        "--tolerance",
-        metavar="RATIO",
-        type=value_of(StereoSettings, "tolerance", number),
-        help="the same as the honest ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
-    )
+    _add_accuracy(parser, of="the other eye")
     parser.add_argument(
         "--fill",
         choices=FILL_METHODS,
@@ -289,6 +394,29 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         help="how it is traced: packed renders the missing pixels alone; card renders them through a card with "
         "openings; full renders the whole eye; auto takes the cheapest (%(default)s)",
     )
+    _add_packed_by(parser)
+    _add_warp(parser)
+
+
+def _add_accuracy(parser: argparse.ArgumentParser, *, of: str) -> None:
+    """Add the two options that say what is promised to a parser. `of` names what the promise is of."""
+    accuracy = parser.add_mutually_exclusive_group()
+    accuracy.add_argument(
+        "--accuracy",
+        choices=ACCURACIES,
+        default=StereoSettings.accuracy,
+        help=f"what is promised of {of}: {_promises()} (%(default)s)",
+    )
+    accuracy.add_argument(
+        "--tolerance",
+        metavar="RATIO",
+        type=value_of(StereoSettings, "tolerance", number),
+        help="the same as the honest ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
+    )
+
+
+def _add_packed_by(parser: argparse.ArgumentParser) -> None:
+    """Add the option that chooses the camera of packed pixels to a parser."""
     parser.add_argument(
         "--packed-by",
         choices=PACKED_CAMERAS,
@@ -296,6 +424,10 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         help="what shoots the rays of packed pixels: osl is an OSL camera, on CPU and OptiX; portal is a Ray Portal, "
         "on every device; auto takes osl where it can trace the scene, else portal (%(default)s)",
     )
+
+
+def _add_warp(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how pixels are warped to a parser: grid, interpolation and warp."""
     _add_grid_threshold(parser)
     parser.add_argument(
         "--interpolation",

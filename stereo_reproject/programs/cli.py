@@ -16,14 +16,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ..delivery.quilts import QUILT_FILE
 from ..errors import BadInputError, StereoReprojectError
 from ..files import to_json
 from ..jobs.console import PROGRAM, Console
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import Event, Job, run_worker
-from ..jobs.work_folder import CUTOUTS, pair_files, with_cutouts
+from ..jobs.work_folder import CUTOUTS, VIEWS_FOLDER, pair_files, views_files, with_cutouts
 from ..report.inspection import format_inspection
 from ..report.table import format_report_table
+from ..report.views_table import format_views_table
 from ..sequence.report import format_animation
 from ..sequence.supervisor import run_animation
 from ..settings.frame import StereoSettings
@@ -33,9 +35,11 @@ from .arguments import (
     add_inspect_arguments,
     add_render_arguments,
     add_tradeoff_arguments,
+    add_views_arguments,
     animation_of,
     overrides_of,
     settings_of,
+    views_of,
 )
 from .converters import OneLineParser
 
@@ -108,6 +112,14 @@ def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int
     return 0
 
 
+def _views(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    """Run the `views` command: render many views of a frame, print their report, and return the exit status."""
+    views = views_of(arguments)
+    arguments.size = arguments.size or views.view_size
+    job = _scene_job(arguments, settings_of(arguments), command="views", views=views, files=views_files(views))
+    return _run(job, arguments, console, host, format_views_table)
+
+
 def _tradeoff(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     """Run the `tradeoff` command: measure the price list, print its table, and return the exit status."""
     settings = StereoSettings(source=arguments.source, scene=overrides_of(arguments))
@@ -127,10 +139,20 @@ def _run(
     console.quiet = arguments.quiet
     report = _have_done(job, console, host, console.on_event)
     console.show(table(report))
-    has_cutouts = job.command == "render" and (job.output is not None and (job.output / CUTOUTS).is_file())
-    files = with_cutouts(job.files, cutouts=has_cutouts)
-    console.show(f"files         {job.output}{os.sep}\n  {', '.join(files)}")
+    assert job.output is not None
+    console.show(f"files         {job.output}{os.sep}\n  {', '.join(_shown_files(job, job.output))}")
     return 0
+
+
+def _shown_files(job: Job, output: Path) -> Sequence[str]:
+    """Return the names of the files that a finished job has put into the folder `output`, as they are printed."""
+    if job.views is not None:
+        # Of an earlier run's quilts none is there any more.
+        quilts = sorted(path.name for path in output.iterdir() if QUILT_FILE.fullmatch(path.name))
+        first, last = (f"{VIEWS_FOLDER}/{job.views.names[k]}.exr" for k in (0, -1))
+        rest = [name for name in job.files if not name.startswith(f"{VIEWS_FOLDER}/")]
+        return [*quilts, f"{first} to {last}", *rest]
+    return with_cutouts(job.files, cutouts=job.command == "render" and (output / CUTOUTS).is_file())
 
 
 def _have_done(
@@ -270,6 +292,15 @@ COMMANDS = (
         "  %(prog)s shot.blend --output frames --frames 1-240 --resume --compare every=24\n",
         add_animate_arguments,
         _animate,
+    ),
+    Command(
+        "views",
+        "Render many views of one frame, for light-field displays, and put them together as a quilt.",
+        "  %(prog)s room.blend --output out --display portrait\n"
+        "  %(prog)s room.blend --output out --views 48 --cone 40 --size 420x560 --focus 2.5\n"
+        "  %(prog)s room.blend --output out --views 12 --baseline 0.3 --quilt 4x3 --compare\n",
+        add_views_arguments,
+        _views,
     ),
     Command(
         "inspect",

@@ -78,7 +78,7 @@ def read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
     return convert
 
 
-def value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
+def value_of(settings: Callable[..., object], field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
     """Return a converter for argparse that calls `read` on an option's text and has the class `settings` check the
     result as its field `field`. So an unusable value is reported with the option's name."""
 

@@ -24,6 +24,7 @@ from ..pipeline.onlooker import Onlooker
 from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
+from ..settings.views import ViewsSettings
 from ..words import to_data
 
 Emit = Callable[..., None]
@@ -128,6 +129,21 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
     emit("done", report=report, files=job["files"] if report["last"] is not None else [])
 
 
+def _views(job: dict[str, Any], emit: Emit) -> None:
+    """Render many views of one frame into work/out, with the quilt and what shows them, and report them."""
+    from ..blender.commands.views import render_views_files
+    from ..blender.output.quilt_files import display_pixels
+
+    work, warn = Path(job["work"]), _warning_of(emit)
+    settings, views = _settings(job["settings"]), ViewsSettings(**job["views"])
+    scene, loaded = _open(job, emit, warn)
+    with display_pixels(scene, views.aspect, settings.scene.size):
+        report, files = render_views_files(
+            scene, settings, views, work, load_seconds=loaded, onlooker=_onlooker(job, emit)
+        )
+    _finish(report, files, emit, warn)
+
+
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
     """Measure the cases of a price list on one frame, and report them. In the events of stages, the stage is the case
     and the detail the stage of its render."""
@@ -162,6 +178,7 @@ def _plan(job: dict[str, Any], emit: Emit) -> None:
 COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
     "render": _render,
     "animate": _animate,
+    "views": _views,
     "tradeoff": _tradeoff,
     "inspect": _inspect,
     "plan": _plan,

@@ -29,14 +29,14 @@ LEAST_SHOWN_SECONDS = 0.05
 """Least seconds that a figure with one decimal shows."""
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
     """Return True for a number; True and False are none."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _number(value: Any, pattern: str) -> str:
+def number_text(value: Any, pattern: str) -> str:
     """Return a number formatted by `pattern`, or "n/a" for anything that is not a finite number."""
-    return format(float(value), pattern) if _is_number(value) and math.isfinite(value) else "n/a"
+    return format(float(value), pattern) if is_number(value) and math.isfinite(value) else "n/a"
 
 
 def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
@@ -74,11 +74,11 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     promised = _promised(estimate["noise_ratio"] if honest is None else honest, estimate["promise"], estimate["kept"])
     lines = [f"estimate      {told}, from {estimate['from']}{promised}"]
     if honest is not None:
-        lines.append(f"              bias {_number(estimate['bias'], '.2f')} of a render's noise, {noise}")
+        lines.append(f"              bias {number_text(estimate['bias'], '.2f')} of a render's noise, {noise}")
     worst, limit = estimate["worst_tiles"], estimate["worst_tiles_promise"]
     if worst is not None and (worst > 1.0 or limit is not None):
-        share = "" if honest is None else f", {_number(100.0 * estimate['wrong_tiles'], '.1f')} % of all are wrong"
-        figure = f"worst tiles {_number(worst, '.2f')}{share}, see estimate.png"
+        share = "" if honest is None else f", {number_text(100.0 * estimate['wrong_tiles'], '.1f')} % of all are wrong"
+        figure = f"worst tiles {number_text(worst, '.2f')}{share}, see estimate.png"
         lines.append(f"              {figure}{_promised(worst, limit)}")
     return lines
 
@@ -86,9 +86,9 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
 def _with_interval(estimate: Mapping[str, Any], ratio: str, low: str, high: str) -> str:
     """Return a ratio of the estimate by its three keys, such as "1.020 (0.990 to 1.050)"; without an interval where
     that is not known."""
-    if not _is_number(estimate[low]) or not math.isfinite(estimate[low]):
-        return _number(estimate[ratio], ".3f")
-    return "{} ({} to {})".format(*(_number(estimate[name], ".3f") for name in (ratio, low, high)))
+    if not is_number(estimate[low]) or not math.isfinite(estimate[low]):
+        return number_text(estimate[ratio], ".3f")
+    return "{} ({} to {})".format(*(number_text(estimate[name], ".3f") for name in (ratio, low, high)))
 
 
 def _promised(value: float, promise: float | None, kept: bool | None = False) -> str:
@@ -106,7 +106,7 @@ def _correction_lines(report: Mapping[str, Any]) -> list[str]:
     correction = report.get("correction")
     if not correction:
         return []
-    mean, p95 = (_number(100.0 * correction[name], ".0f") for name in ("mean", "p95"))
+    mean, p95 = (number_text(100.0 * correction[name], ".0f") for name in ("mean", "p95"))
     return [f"correction    traced pixels moved by {mean} % of the picture's brightness, 1 in 20 by {p95} % or more"]
 
 
@@ -126,7 +126,7 @@ def _layers_lines(report: Mapping[str, Any]) -> list[str]:
         return []
     lines = [f"view layers   all times are of the {len(rows)} together, all else of the first"]
     for row in rows:
-        ratio = "" if row["noise_ratio"] is None else f"   noise ratio {_number(row['noise_ratio'], '.3f')}"
+        ratio = "" if row["noise_ratio"] is None else f"   noise ratio {number_text(row['noise_ratio'], '.3f')}"
         figures = f"{100 * row['rerendered']:6.2f} %{row['seconds']:8.2f} s"
         lines.append(f"  {row['name']:<20}{figures}   {row['fill']}{ratio}")
     return lines
@@ -150,20 +150,20 @@ def more_seconds_text(price: Mapping[str, Any]) -> str:
     more = price["more_seconds"]
     if more < LEAST_SHOWN_SECONDS:
         return "less than 0.1 s more" + ("" if price["complete"] else ", but for what its probes ask for")
-    return f"{'' if price['complete'] else 'at least '}{_number(more, '.1f')} s more"
+    return f"{'' if price['complete'] else 'at least '}{number_text(more, '.1f')} s more"
 
 
 def _error_lines(compare: Mapping[str, Any], why_none: str | None) -> list[str]:
     """Return the lines about the errors that a comparison measured. compare has the `COMPARED_KEYS`; why_none says why
     there is no noise to hold them against, None where there is."""
     figures = {
-        name: _number(value, ".4f" if name in ("flip", "noise_flip") else ".3f") for name, value in compare.items()
+        name: number_text(value, ".4f" if name in ("flip", "noise_flip") else ".3f") for name, value in compare.items()
     }
     flip = f"  FLIP         {figures['flip']}   of noise alone {figures['noise_flip']}"
     if why_none:
         none, error = f"  honest ratio n/a      {why_none}", f"  error        {figures['rmse']}    root mean square"
         return [none, f"{error}, tone-mapped", flip]
-    wrong = _number(100.0 * compare["wrong_tiles"], ".1f") if _is_number(compare["wrong_tiles"]) else "n/a"
+    wrong = number_text(100.0 * compare["wrong_tiles"], ".1f") if is_number(compare["wrong_tiles"]) else "n/a"
     return [
         f"  honest ratio {figures['honest_ratio']}    1 = as good as rendering it again",
         f"  noise ratio  {figures['noise_ratio']}    bias {figures['bias']} of a render's noise",
@@ -180,7 +180,7 @@ def _cutout_lines(cutouts: Sequence[Mapping[str, Any]]) -> list[str]:
     for row in cutouts:
         degrees = abs(row["left_degrees"] or row["up_degrees"])
         title = f"{row['name']} {degrees:g}" if degrees else row["name"]
-        figures = "".join(f"{_number(row[key], '.3f'):<9}" for key in ("honest_ratio", "noise_ratio", "flip_ratio"))
+        figures = "".join(f"{number_text(row[key], '.3f'):<9}" for key in ("honest_ratio", "noise_ratio", "flip_ratio"))
         lines.append(f"    {title:<11}{figures.rstrip()}")
     return lines
 
@@ -191,14 +191,17 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     multiview = "x over Blender's multiview"
     compare = report.get("compare")
     if compare:
-        speedup, multiview_seconds = _number(compare["speedup"], ".2f"), _number(compare["multiview_seconds"], ".2f")
+        speedup, multiview_seconds = (
+            number_text(compare["speedup"], ".2f"),
+            number_text(compare["multiview_seconds"], ".2f"),
+        )
         return [
             f"gained        {speedup} {multiview} ({multiview_seconds} s), measured",
             *_error_lines({name: compare.get(name) for name in COMPARED_KEYS}, compare.get("no_noise")),
             *_cutout_lines(compare.get("cutouts") or ()),
         ]
     if report.get("predicted_speedup") is not None:
-        speedup = _number(report["predicted_speedup"], ".2f")
+        speedup = number_text(report["predicted_speedup"], ".2f")
         return [f"gained        about {speedup} {multiview}, predicted (--compare measures it)"]
     return []
 
@@ -231,5 +234,5 @@ def format_report_table(report: Mapping[str, Any]) -> str:
         *_gain_lines(report),
     ]
     if peak is not None:
-        lines.append(f"memory        {_number(peak, '.0f')} MB at its peak")
+        lines.append(f"memory        {number_text(peak, '.0f')} MB at its peak")
     return "\n".join(lines)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from ..errors import BadInputError
 from ..words import Words
+from .checks import check_choice, check_float, check_int
 
 ACCURACIES = ("draft", "preview", "balanced", "high", "exact")
 CUSTOM = "custom"
@@ -25,50 +25,6 @@ MAX_SIZE = 65536
 MAX_SAMPLES = 1 << 24
 MAX_SEED = (1 << 31) - 1
 MAX_FRAME = 1048574
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Raise BadInputError unless `value` is one of the choices; `name` is what the message calls it."""
-    if value not in choices:
-        raise BadInputError(
-            Words(
-                "{name} must be one of {choices}, not {value}",
-                name=Words(name),
-                choices=", ".join(choices),
-                value=repr(value),
-            )
-        )
-
-
-def _check_int(name: str, value: int | None, low: int, high: int) -> None:
-    """Raise BadInputError unless `value` is None or a whole number from `low` to `high`; `name` is what the message
-    calls it."""
-    if value is None:
-        return
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise BadInputError(Words("{name} must be a whole number, not {value}", name=Words(name), value=repr(value)))
-    if not low <= value <= high:
-        raise BadInputError(
-            Words("{name} must be from {low} to {high}, not {value}", name=Words(name), low=low, high=high, value=value)
-        )
-
-
-def _is_finite(value: float) -> bool:
-    """Return True if a number is finite as a float; a whole number too large for a float is not."""
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False
-
-
-def _check_float(name: str, value: float, low: float, *, above: bool = False) -> None:
-    """Raise BadInputError unless `value` is a finite number of at least `low`, or with `above` greater than it; `name`
-    is what the message calls it."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
-        raise BadInputError(Words("{name} must be a finite number, not {value}", name=Words(name), value=repr(value)))
-    if value < low or (above and value == low):
-        message = "{name} must be above {low}, not {value}" if above else "{name} must be at least {low}, not {value}"
-        raise BadInputError(Words(message, name=Words(name), low=f"{low:g}", value=f"{value:g}"))
 
 
 @dataclass(frozen=True)
@@ -94,26 +50,26 @@ class SceneOverrides:
 
     def __post_init__(self) -> None:
         if self.panorama is not None:
-            _check_choice("the panorama", self.panorama, tuple(PANORAMAS))
+            check_choice("the panorama", self.panorama, tuple(PANORAMAS))
             if self.size is None:
                 object.__setattr__(self, "size", PANORAMAS[self.panorama])
-        _check_int("frame", self.frame, -MAX_FRAME, MAX_FRAME)
+        check_int("frame", self.frame, -MAX_FRAME, MAX_FRAME)
         if self.size is not None:
             if not isinstance(self.size, tuple) or len(self.size) != 2:
                 raise BadInputError(Words("the size must be a width and a height, not {size}", size=repr(self.size)))
             width, height = self.size
-            _check_int("the width", width, 4, MAX_SIZE)
-            _check_int("the height", height, 4, MAX_SIZE)
-        _check_int("samples", self.samples, 1, MAX_SAMPLES)
-        _check_int("the seed", self.seed, 0, MAX_SEED)
+            check_int("the width", width, 4, MAX_SIZE)
+            check_int("the height", height, 4, MAX_SIZE)
+        check_int("samples", self.samples, 1, MAX_SAMPLES)
+        check_int("the seed", self.seed, 0, MAX_SEED)
         if self.interocular_distance is not None:
-            _check_float("the interocular distance", self.interocular_distance, 0.0)
+            check_float("the interocular distance", self.interocular_distance, 0.0)
         if self.convergence_distance is not None:
-            _check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
+            check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
         if self.convergence_mode is not None:
-            _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
+            check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
         if self.source_engine is not None:
-            _check_choice("the source engine", self.source_engine, SOURCE_ENGINES)
+            check_choice("the source engine", self.source_engine, SOURCE_ENGINES)
         if self.denoise is not None and not isinstance(self.denoise, bool):
             raise BadInputError(
                 Words("denoise must be true, false or left out, not {denoise}", denoise=repr(self.denoise))
@@ -153,19 +109,19 @@ class StereoSettings:
         return self.packed_by if self.fill in ("auto", "packed") else "auto"
 
     def __post_init__(self) -> None:
-        _check_choice("the source eye", self.source, EYES)
+        check_choice("the source eye", self.source, EYES)
         if self.tolerance is None:
-            _check_choice("accuracy", self.accuracy, ACCURACIES)
+            check_choice("accuracy", self.accuracy, ACCURACIES)
         else:
-            _check_float("the tolerance", self.tolerance, 1.0, above=True)
+            check_float("the tolerance", self.tolerance, 1.0, above=True)
             if self.accuracy not in (CUSTOM, StereoSettings.accuracy):
                 raise BadInputError("accuracy and tolerance are two ways to say the same; give one of them")
             object.__setattr__(self, "accuracy", CUSTOM)
-        _check_choice("fill", self.fill, FILL_METHODS)
-        _check_choice("packed by", self.packed_by, PACKED_CAMERAS)
-        _check_choice("interpolation", self.interpolation, INTERPOLATIONS)
-        _check_choice("warp", self.warp, WARPS)
-        _check_float("the grid threshold", self.grid_threshold, 0.0)
+        check_choice("fill", self.fill, FILL_METHODS)
+        check_choice("packed by", self.packed_by, PACKED_CAMERAS)
+        check_choice("interpolation", self.interpolation, INTERPOLATIONS)
+        check_choice("warp", self.warp, WARPS)
+        check_float("the grid threshold", self.grid_threshold, 0.0)
 
     @property
     def target(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.images.png import SIGNATURE, write_png
+from stereo_reproject.images.png import SIGNATURE, write_png, write_png_bands
 
 FULL_DISK = Path("/dev/full")
 
@@ -27,7 +27,7 @@ def chunks_of(content: bytes) -> dict[bytes, bytes]:
         (length,) = struct.unpack_from(">I", content, at)
         kind, data = content[at + 4 : at + 8], content[at + 8 : at + 8 + length]
         assert struct.unpack_from(">I", content, at + 8 + length) == (zlib.crc32(kind + data),)
-        found[kind] = data
+        found[kind] = found.get(kind, b"") + data
         at += 12 + length
     return found
 
@@ -43,6 +43,25 @@ def test_a_png_has_the_pixels_that_were_written(tmp_path, cut):
     rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, 1 + 3 * width)
     assert not rows[:, 0].any(), "a row's filter"
     np.testing.assert_array_equal(rows[:, 1:].reshape(height, width, 3), written)
+
+
+def test_a_png_in_bands_is_the_same_picture_and_each_is_written_before_the_next(tmp_path):
+    written, path = picture(), tmp_path / "a.png"
+    sizes = []
+
+    def bands():
+        for k in range(0, len(written), 3):
+            sizes.append(path.stat().st_size)
+            yield written[k : k + 3]
+
+    write_png_bands(path, (written.shape[1], len(written)), bands(), texts={"Frame": "7", "Note": "Grüße"})
+    chunks = chunks_of(path.read_bytes())
+    assert [*chunks] == [b"IHDR", b"iTXt", b"IDAT", b"IEND"]
+    assert chunks[b"iTXt"] == b"Frame\0\0\0\0\x007" + b"Note\0\0\0\0\0" + "Grüße".encode()
+    write_png(tmp_path / "whole.png", written)
+    whole = chunks_of((tmp_path / "whole.png").read_bytes())
+    assert zlib.decompress(chunks[b"IDAT"]) == zlib.decompress(whole[b"IDAT"])
+    assert len(sizes) == 3
 
 
 def test_a_place_that_cannot_be_written_is_bad_input(tmp_path):

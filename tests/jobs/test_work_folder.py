@@ -12,7 +12,15 @@ import pytest
 
 from stereo_reproject.files import CANNOT_FLUSH, flush_folder
 from stereo_reproject.jobs import work_folder as module
-from stereo_reproject.jobs.work_folder import WORK_PREFIX, publish, remove_abandoned, work_folder
+from stereo_reproject.jobs.work_folder import (
+    WORK_PREFIX,
+    publish,
+    remove_abandoned,
+    views_files,
+    views_superseded_by,
+    work_folder,
+)
+from stereo_reproject.settings.views import ViewsSettings
 from tests.warp.strange import STRANGE
 
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and named pipes as POSIX has them")
@@ -154,3 +162,65 @@ def test_a_publish_that_is_torn_after_any_move_is_undone(tmp_path, monkeypatch, 
 @pytest.mark.parametrize("pid", [0, -1, 1 << 32, 10**30])
 def test_no_process_has_such_a_number(pid):
     assert not module.is_running(pid)
+
+
+def rendered_views(work, output, count):
+    """Views that are rendered, and an output folder."""
+    files = views_files(ViewsSettings(count, 40.0))
+    for folder in (work / "out" / "views", work / "old", output):
+        folder.mkdir(parents=True, exist_ok=True)
+    for name in files:
+        (work / "out" / name).write_text("new")
+    return files
+
+
+def texts_in(folder):
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_views_have_a_folder_of_their_own(tmp_path):
+    files = rendered_views(tmp_path / "work", tmp_path / "out", 3)
+    publish(tmp_path / "work", tmp_path / "out", files, between_steps=lambda: None)
+    views = [f"views/view_{k:02d}.exr" for k in range(3)]
+    assert texts_in(tmp_path / "out") == dict.fromkeys([*views, "contact.png", "sweep.mp4", "report.json"], "new")
+
+
+def test_views_and_quilts_of_an_earlier_run_do_not_stand_beside_new_ones(tmp_path):
+    work, output = tmp_path / "work", tmp_path / "out"
+    old = ("views/view_01.exr", "views/view_07.exr", "quilt_qs8x6a0.75.png", "quilt_qs8x6a0.75.exr")
+    mine = ("views/mine.exr", "my_quilt_qs8x6a0.75.png", "views/view_07.exr.txt")
+    (output / "views").mkdir(parents=True)
+    for name in (*old, *mine):
+        (output / name).write_text("old")
+    files = rendered_views(work, output, 2)
+    superseded = views_superseded_by(output, files)
+    assert sorted(superseded) == sorted(old[1:])
+    publish(work, output, files, superseded=superseded, between_steps=lambda: None)
+    assert {name for name, text in texts_in(output).items() if text == "old"} == set(mine)
+    assert set(files) <= set(texts_in(output))
+
+
+@pytest.mark.parametrize("step", range(7))
+def test_a_torn_publish_of_views_leaves_all_as_it_was(tmp_path, step):
+    work, output = tmp_path / "work", tmp_path / "out"
+    files = rendered_views(work, output, 2)
+    (output / "report.json").write_text("old")
+    (output / "quilt_qs2x1a1.png").write_text("old")
+    left = iter(range(step, -1, -1))
+
+    def torn():
+        if next(left, None) == 0:
+            raise TornError
+
+    with pytest.raises(TornError):
+        publish(work, output, files, superseded=views_superseded_by(output, files), between_steps=torn)
+    assert texts_in(output) == {"report.json": "old", "quilt_qs2x1a1.png": "old"}
+    assert not (output / "views").exists()
+
+
+def test_a_file_where_the_folder_of_views_belongs_is_said_before_anything_is_rendered(tmp_path):
+    (tmp_path / "views").write_text("mine")
+    files = views_files(ViewsSettings(2, 40.0))
+    with pytest.raises(module.BadInputError, match="views is not a folder"), work_folder(tmp_path, files):
+        raise AssertionError("it was rendered")
+    assert (tmp_path / "views").read_text() == "mine"

@@ -66,6 +66,20 @@ def finish(*, without=()):
     say("done", report=report(), files=files)
 
 
+def views(*, without=()):
+    asked = job["views"]
+    (work / "out" / "views").mkdir()
+    quilts = [f"quilt_qs{asked['columns']}x{asked['rows']}a0.75.{kind}" for kind in ("png", "exr")]
+    names = [name for name in (*quilts, *job["files"]) if name not in without]
+    for name in names:
+        (work / "out" / name).write_text(f"new {name}", encoding="utf-8")
+    seen = [{"name": f"view_{k:02d}", "how": "made", "from": ["view_00"], "traced": 0.1} for k in range(asked["count"])]
+    seen[0] |= {"how": "rendered", "from": [], "traced": 1.0}
+    rest = {"plan": ["render view_00: the leftmost"], "seconds": {"source": 10.0, "total": 12.5}}
+    estimates = {"honest_ratio": 1.01, "interval": [1.0, 1.02]}
+    say("done", report={"views": [{**view, **estimates} for view in seen], **rest}, files=names)
+
+
 def begin(frame):
     say("stage", stage="source", detail=f"frame {frame}")
 
@@ -131,6 +145,18 @@ match behaviour:
     case "success":
         say("warning", message="two passes\nhad to be left out")
         finish()
+    case "views":
+        views()
+    case "views without a sweep":
+        views(without=["sweep.mp4"])
+    case "views, slowly":
+        for number in (1, 2, 3):
+            for stage in ("warp", "fill"):
+                time.sleep(0.15)
+                say("stage", stage=stage, detail=f"view {number} of 4")
+        time.sleep(0.15)
+        say("stage", stage="write")
+        views()
     case "inspection":
         say("warning", message="the scene denoises")
         say("done", report=INSPECTION, files=[])

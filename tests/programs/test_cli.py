@@ -21,6 +21,7 @@ from stereo_reproject.jobs import memory, supervisor, work_folder
 from stereo_reproject.programs import cli
 from stereo_reproject.sequence.journal_folder import JOURNAL
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.settings.views import ViewsSettings
 
 ROOT = Path(cli.__file__).resolve().parents[2]
 STUB = Path(__file__).with_name("stub_worker.py")
@@ -274,6 +275,104 @@ def test_what_is_left_out_comes_from_the_scene(place):
     assert render(place, "success") == 0
     job = json.loads((notes(place) / "job").read_text())
     assert set(job["settings"]["scene"].values()) == {None}
+
+
+def many_views(place, *options, behaviour="views"):
+    argv = ["views", str(place / "room.blend"), "--output", str(place / "out"), *options]
+    return cli.main(argv, host=cli.Host(worker_command=stub(place, behaviour)))
+
+
+def views_job(place):
+    job = json.loads((notes(place) / "job").read_text())
+    return ViewsSettings(**job["views"]), job["settings"]
+
+
+@pytest.mark.parametrize(
+    ("options", "views", "size"),
+    [
+        ("", ViewsSettings(48, 40.0, columns=8, rows=6), None),
+        ("--display Portrait", ViewsSettings(48, 40.0, None, None, 8, 6, 0.75, "portrait"), [420, 560]),
+        ("--display go --size 64x32", ViewsSettings(66, 54.0, None, None, 11, 6, 0.5625, "go"), [64, 32]),
+        (
+            "--display go --views 20 --cone 10 --quilt 5x4 --aspect 1",
+            ViewsSettings(20, 10.0, None, None, 5, 4, 1.0, "go"),
+            [818, 1023],
+        ),
+        ("--views 45 --baseline 0.5 --focus 2", ViewsSettings(45, None, 0.5, 2.0, 9, 5), None),
+        ("--quilt 4x3 --size 64x32", ViewsSettings(12, 40.0, columns=4, rows=3), [64, 32]),
+    ],
+)
+def test_views_as_the_worker_gets_them(place, options, views, size):
+    assert many_views(place, *options.split()) == 0
+    told, settings = views_job(place)
+    assert told == views
+    assert settings["scene"]["size"] == size
+
+
+def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, capsys):
+    options = "--frame 7 --samples 4 --seed 3 --denoise --accuracy high --packed-by portal --compare --strict"
+    assert many_views(place, *options.split()) == 0
+    settings = views_job(place)[1]
+    scene = SceneOverrides(**settings.pop("scene"))
+    assert scene == SceneOverrides(frame=7, samples=4, seed=3, denoise=True)
+    assert StereoSettings(**settings, scene=scene) == StereoSettings(
+        accuracy="high", packed_by="portal", compare=True, scene=scene
+    )
+    capsys.readouterr()
+    for option in ("--interocular=1", "--convergence=1", "--vr180", "--source=left", "--layout=individual"):
+        assert many_views(place, option) == 2
+        assert_one_line(capsys.readouterr().err, "unrecognized arguments: --")
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ("--views 1", "argument --views: the number of views must be from 2 to 256, not 1"),
+        ("--views 1e2", "argument --views: must be a whole number"),
+        ("--cone 180", "argument --cone: the cone must be below 180 degrees"),
+        ("--cone nan", "argument --cone: the cone must be a finite number"),
+        ("--baseline 0", "argument --baseline: the baseline must be above 0"),
+        ("--focus -1", "argument --focus: the focus distance must be above 0"),
+        ("--cone 40 --baseline 1", "argument --baseline: not allowed with argument --cone"),
+        ("--quilt 8", "argument --quilt: the quilt must be of the form COLUMNSxROWS"),
+        ("--quilt 2x2 --views 9", "a quilt of 2 x 2 must have a place for each of the 9 views"),
+        ("--quilt 1x1", "the number of views must be from 2 to 256, not 1"),
+        ("--quilt 999x999", "the number of views must be from 2 to 256"),
+        ("--display 27", "argument --display: invalid choice: '27'"),
+        ("--aspect 0", "argument --aspect: the aspect must be at least 0.01"),
+    ],
+)
+def test_bad_options_of_views_are_said_in_one_line(place, capsys, options, part):
+    assert many_views(place, *options.split()) == 2
+    assert_one_line(capsys.readouterr().err, part)
+    assert not (place / "out").exists()
+
+
+def test_views_are_delivered_with_their_quilt_and_said_in_short(place, capsys):
+    assert many_views(place, "--views", "12") == 0
+    views = [f"views/view_{k:02d}.exr" for k in range(12)]
+    quilts = ["quilt_qs4x3a0.75.exr", "quilt_qs4x3a0.75.png"]
+    names = [*quilts, *views, "contact.png", "sweep.mp4", "report.json"]
+    found = {name: content for name, content in snapshot(place / "out").items() if content is not None}
+    assert found == {name: f"new {name}".encode() for name in names}
+    printed = capsys.readouterr().out
+    assert "12 views" in printed
+    shown = f"{', '.join(quilts)}, {views[0]} to {views[-1]}, contact.png, sweep.mp4, report.json"
+    assert printed.endswith(f"  {shown}\n")
+
+
+def test_fewer_views_than_before_leave_none_of_those(place):
+    assert many_views(place, "--views", "12") == 0
+    assert many_views(place, "--views", "6") == 0
+    quilts = sorted(path.name for path in (place / "out").glob("quilt_*"))
+    assert quilts == ["quilt_qs3x2a0.75.exr", "quilt_qs3x2a0.75.png"]
+    assert len(list((place / "out" / "views").iterdir())) == 6
+
+
+def test_views_that_are_not_whole_leave_nothing(place, capsys):
+    assert many_views(place, behaviour="views without a sweep") == 1
+    assert_one_line(capsys.readouterr().err, "did not write sweep.mp4")
+    assert not (place / "out").exists()
 
 
 @pytest.mark.parametrize("magic", [b"BLENDER17-01v0500", b"\x1f\x8b\x08\x00", b"\x28\xb5\x2f\xfd\x00"])
@@ -1106,6 +1205,19 @@ def test_a_terminal_shows_one_line_for_all_frames(place, monkeypatch, start):
     assert "frame 1  2.5 s" not in shown, "no line for each frame"
     assert len([line for line in lines if "[" in line]) <= 2
     assert max(map(len, drawn)) < 100
+
+
+@posix
+def test_a_terminal_shows_one_line_for_all_views(place, monkeypatch, start):
+    monkeypatch.setenv("COLUMNS", "100")
+    shown, _, status = through_terminal(start, "views, slowly", "--views", "4", verb="views")
+    assert status == 0
+    lines = [line for line in shown.split("\n") if line.startswith("\rviews")]
+    assert len(lines) == 1, "stages of each view begin no line of their own"
+    assert "view 2 of 4: warp" in lines[0]
+    assert "view 3 of 4: fill" in lines[0]
+    assert "[############------------]  50 %" in lines[0]
+    assert "100 %" in lines[0].rstrip().rpartition("\r")[2]
 
 
 @posix

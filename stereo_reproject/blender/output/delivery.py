@@ -25,7 +25,7 @@ from ..scene.compositor import file_outputs_muted, is_composited, shows_a_render
 from ..scene.effects import is_animated
 from ..scene.rendered import camera_at, main_layer
 from ..scene.stand_ins import new_names, renamed_metadata, stand_ins
-from ..scene.working import changed, return_to_own_frame, stand_at
+from ..scene.working import changed, evaluated, return_to_own_frame, stand_at
 from .delivery_engine import ENGINE, DeliveryUnderWay, Eyes, EyesAt, registered
 from .image_settings import copy_settings, side_by_side_png
 from .output_paths import output_name
@@ -52,11 +52,26 @@ def deliver_side_by_side(
     StereoReprojectError.
     """
     frame = scene.frame_current if frame is None else frame
-    with _empty_scene_like(scene, frame) as empty:
+    with empty_scene_like(scene, frame) as empty:
         layer = main_layer(empty)
         eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
         with _as_delivered(empty, eyes, compositing=False), side_by_side_png(empty, path):
             _hand_over(empty, lambda _: eyes, Words("write {name}", name=path.name), metadata, write_still=True)
+    check_png(path)
+
+
+def deliver_picture(scene: bpy.types.Scene, picture: NDArray[np.float32], path: Path) -> None:
+    """Write one picture (H, W, 4), scene-linear, into a PNG, at the scene's present frame; all else is as for
+    `deliver_side_by_side`. Raises StereoReprojectError.
+    """
+    with empty_scene_like(scene, scene.frame_current) as empty:
+        eyes = {"": {main_layer(empty): {COLOUR_PASS: picture}}}
+        with (
+            _as_delivered(empty, eyes, compositing=False),
+            side_by_side_png(empty, path),
+            changed(empty.render, use_multiview=False),
+        ):
+            _hand_over(empty, lambda _: eyes, Words("write {name}", name=path.name), NOTHING, write_still=True)
     check_png(path)
 
 
@@ -71,7 +86,7 @@ def pixels_of(scene: bpy.types.Scene, panorama: str | None) -> Iterator[None]:
 
 
 @contextmanager
-def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
+def empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
     """Have a scene without objects, with the render and colour settings that `scene` has at a frame, for the time of a
     `with` block. It is removed afterwards, and what is animated is back at the scene's own frame.
     """
@@ -82,7 +97,8 @@ def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.
         empty.camera = camera_at(scene, frame)
         if is_animated(scene):
             with _copy_at(scene, frame) as copy:
-                copy_settings(copy, empty)
+                # Its own values stay those of the present frame.
+                copy_settings(evaluated(copy, copy), empty)
         else:
             copy_settings(scene, empty)
         empty.frame_current = frame

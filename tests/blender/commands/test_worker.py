@@ -2,8 +2,10 @@
 
 import json
 import os
+import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -15,6 +17,7 @@ from stereo_reproject.jobs import supervisor
 from stereo_reproject.programs import worker
 from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.settings.views import views_settings
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, save_image
 
 pytestmark = pytest.mark.blender
@@ -112,3 +115,34 @@ def test_a_file_that_was_replaced_by_a_pipe_is_not_waited_for(tmp_path):
         reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
         writer.join()
         os.close(reader)
+
+
+def test_many_views_are_rendered_as_asked_and_as_wide_as_the_display(run, monkeypatch, tmp_path):
+    """What renders them is stood in for: it says what it was given."""
+    given = {}
+
+    def render_views_files(scene, settings, views, work, *, load_seconds, onlooker):
+        given.update(settings=settings, views=views, work=work, seconds=load_seconds)
+        given["pixels"] = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
+        onlooker.on_stage("source")
+        return {"views": [], "warnings": ["a view stands behind a wall"]}, ["report.json"]
+
+    stand_in = SimpleNamespace(render_views_files=render_views_files)
+    monkeypatch.setitem(sys.modules, "stereo_reproject.blender.commands.views", stand_in)
+    views = views_settings(display="16-landscape")
+    told = run("views", files=(), views=views)
+    assert given["views"] == views
+    assert given["settings"].scene.convergence_distance == 8.0
+    assert given["work"] == tmp_path / "work"
+    assert given["seconds"] > 0.0
+    # Of a scene with 32 x 18 pixels, which are then square.
+    assert given["pixels"] == pytest.approx((1.0, 1.0))
+    for size, pixels in (((857, 857), (16 / 9, 1.0)), ((857, 241), (1.0, 2.0003))):
+        monkeypatch.setattr(worker, "_settings", lambda _, size=size: StereoSettings(scene=SceneOverrides(size=size)))
+        run("views", files=(), views=views)
+        assert given["pixels"] == pytest.approx(pixels, rel=1e-3)
+    assert [event for event, _, _ in told][-1] == "done"
+    assert told[-1][1]["files"] == ["report.json"]
+    messages = [fields["message"] for event, fields, _ in told if event == "warning"]
+    assert messages[-1] == "a view stands behind a wall"
+    assert {fields.get("stage") for _, fields, _ in told} >= {"load", "source"}

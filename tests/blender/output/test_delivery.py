@@ -71,6 +71,20 @@ def test_rows_stand_upright(scene, tmp_path):
     np.testing.assert_allclose(right, ramp[::-1, :, :3], atol=ROUNDING)
 
 
+def test_animated_colours_are_those_of_the_frame(scene, tmp_path):
+    scene.view_settings.view_transform = "Raw"
+    for frame, exposure in ((1, 0.0), (100, -1.0)):
+        scene.view_settings.exposure = exposure
+        scene.keyframe_insert("view_settings.exposure", frame=frame)
+    scene.frame_set(1)
+    eyes = {"left": flat((0.8, 0.4, 0.2)), "right": flat((0.8, 0.4, 0.2))}
+    for frame, times in ((100, 0.5), (1, 1.0), (None, 1.0)):
+        deliver_side_by_side(scene, eyes, tmp_path / "stereo.png", frame=frame)
+        for half in halves(tmp_path / "stereo.png"):
+            np.testing.assert_allclose(half, times * flat((0.8, 0.4, 0.2))[..., :3], atol=ROUNDING)
+        assert (scene.frame_current, scene.view_settings.exposure) == (1, 0.0)
+
+
 def as_it_is(scene):
     pass
 

@@ -1,0 +1,58 @@
+"""Quilts: all views of a light-field display in one picture, as a grid.
+
+View 0, the leftmost camera, is at the bottom left; the views go right, and then up. A player reads the grid and the
+aspect in the file's name, which ends in qsCOLUMNSxROWSaASPECT. Source: Looking Glass Factory's documentation, "Quilts".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+QUILT_FILE = re.compile(r"quilt_qs\d+x\d+a[\d.]+\.(png|exr)")
+"""Names that `quilt_name` and an extension make."""
+
+ASPECT_DECIMALS = 4
+"""Decimals of the aspect in a name: 16:9 is 1.7778."""
+
+MAX_WIDER = 2
+"""Greatest number of columns of a chosen grid for each of its rows."""
+
+
+def quilt_name(columns: int, rows: int, aspect: float) -> str:
+    """Return the name of a quilt's file without its extension, such as "quilt_qs8x6a0.75". aspect is the width over the
+    height of what a view shows."""
+    return f"quilt_qs{columns}x{rows}a{f'{aspect:.{ASPECT_DECIMALS}f}'.rstrip('0').rstrip('.')}"
+
+
+def grid_for(count: int) -> tuple[int, int]:
+    """Return the columns and rows of a grid for so many views: at least as many columns as rows and at most twice as
+    many, with the fewest empty places, and of such grids the one that is nearest to a square. 48 views have 8 x 6."""
+    grids = (
+        (columns, rows)
+        for rows in range(1, count + 1)
+        for columns in (max(rows, -(-count // rows)),)
+        if columns <= MAX_WIDER * rows
+    )
+    return min(grids, key=lambda grid: (grid[0] * grid[1], grid[0]))
+
+
+def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> Iterator[NDArray[Any]]:
+    """Yield a quilt from its top to its bottom in bands (H, columns * W, C), each with one row of views.
+
+    pictures are the views (H, W, C), all of one size, at most columns * rows of them; only those of one band are asked
+    for at a time, so that a sequence may read them from files. Places without a view are 0, in alpha too.
+    """
+    empty = np.zeros_like(pictures[0])
+    for row in reversed(range(rows)):
+        places = range(row * columns, (row + 1) * columns)
+        yield np.concatenate([pictures[k] if k < len(pictures) else empty for k in places], axis=1)
+
+
+def assemble_quilt(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> NDArray[Any]:
+    """Return the quilt (rows * H, columns * W, C) of views (H, W, C), as `quilt_bands` has it."""
+    return np.concatenate(list(quilt_bands(pictures, columns, rows)))
