@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ..images.passes import Passes, without_internal_passes
 from ..settings.accuracy import Accuracy, accuracy_of
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
+from ..trace.fill import SourceCost
 from ..trace.requests import run_together
 from ..views.view import Rig, View
 from .finishing import Completed, composited, denoised
@@ -67,8 +68,8 @@ class ViewsMaker:
     """Renders and makes the views of one frame, and hands each to `on_view` when it is finished.
 
     renderer can render each of the `views` whole, and trace pixels of it. accuracy is that of the frame, for a picture
-    of `SettingsTuning.unscaled_picture_px`. steps and whole_seconds, those of each view that was rendered whole, grow
-    under way.
+    of `SettingsTuning.unscaled_picture_px`. steps, and the costs of the views that were rendered whole, grow under way.
+    light_scale is the number by which light is multiplied to be judged as it is seen: None before the first render.
     """
 
     renderer: Renderer
@@ -79,7 +80,8 @@ class ViewsMaker:
     known_costs: Callable[[], TraceCosts]
     on_view: Callable[[FinishedView], None]
     steps: list[PlanStep] = field(default_factory=list)
-    whole_seconds: list[float] = field(default_factory=list)
+    costs: list[SourceCost] = field(default_factory=list)
+    light_scale: float | None = None
     _sources: dict[int, Source] = field(default_factory=dict)
     _findings: SharedFindings = field(default_factory=SharedFindings)
     _made_seconds: float = 0.0
@@ -103,11 +105,9 @@ class ViewsMaker:
         """Render a view whole, to be a source of others; `why` goes into the plan."""
         view = self.views[number]
         task = self._task(view, view)
-        scale = next((source.light_scale for source in self._sources.values()), None)
-        start = time.perf_counter()
-        source = render_source(task, self.accuracy, light_scale=scale)
-        self.whole_seconds.append(time.perf_counter() - start)
-        self._sources[number] = source
+        source = render_source(task, self.accuracy, light_scale=self.light_scale)
+        self.costs.append(source.cost)
+        self._sources[number], self.light_scale = source, source.light_scale
         self.steps.append(PlanStep((view.name,), f"rendered: {why}"))
         whole = np.ones(source.seen.depth.shape, bool)
         passes = with_depth_pass(without_internal_passes(source.rendered), view.camera)
@@ -169,8 +169,13 @@ class ViewsMaker:
 
     def _costs(self) -> ViewCosts:
         """Return the costs of a view as they are known by now."""
-        whole = float(np.median(self.whole_seconds))
+        whole = self.plain_seconds(1) - self.costs[0].sync_seconds
         return ViewCosts(self.known_costs().packed_pixel_cost, self._made_seconds / max(whole, 1e-9))
+
+    def plain_seconds(self, count: int) -> float:
+        """Return the predicted seconds of rendering so many views plainly, with one sync of the scene."""
+        whole = float(np.mean([cost.per_frame + cost.denoise_seconds for cost in self.costs]))
+        return self.costs[0].sync_seconds + count * whole
 
     def _batches(self, numbers: Sequence[int]) -> list[Sequence[int]]:
         """Return these views in batches whose pixels are traced together: so many that memory holds them."""
@@ -242,7 +247,7 @@ def render_many_views(
     rig = Rig.of_cameras(renderer.cameras, renderer.motion)
     maker = ViewsMaker(
         renderer,
-        replace(settings),
+        settings,
         [rig[name] for name in names],
         accuracy or accuracy_of(settings),
         watch or Stopwatch(),

@@ -22,12 +22,13 @@ differ enough to be seen as a pattern."""
 class Onlooker:
     """Somebody who watches a frame being made.
 
-    on_stage is called with the name of each stage as it begins. show gets a view's name and its colour (H, W, 4) so
-    far, scene-linear, of which it must keep no reference; None where no pictures are wanted. first_look: True where the
-    source is wanted with a single sample too, before it is rendered whole.
+    on_stage is called with the name of each stage as it begins, and with a detail of it where there is one. show gets
+    a view's name and its colour (H, W, 4) so far, scene-linear, of which it must keep no reference; None where no
+    pictures are wanted. first_look: True where the source is wanted with a single sample too, before it is rendered
+    whole.
     """
 
-    on_stage: Callable[[str], None] = lambda _: None
+    on_stage: Callable[..., None] = lambda *_: None
     show: Callable[[str, NDArray[np.float32]], None] | None = None
     first_look: bool = False
 

@@ -8,7 +8,6 @@ from the focus plane.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,13 +31,6 @@ def offsets_of(count: int, baseline: float) -> list[float]:
     return [baseline * (number / (count - 1) - 0.5) for number in range(count)]
 
 
-def view_names(count: int) -> list[str]:
-    """Return the names of so many views, from the leftmost on: view_00, view_01 and so on, with as many digits as the
-    last one needs."""
-    digits = max(len(str(count - 1)), 2)
-    return [f"view_{number:0{digits}}" for number in range(count)]
-
-
 def beside(camera: PerspectiveCamera, offset: float, focus_distance: float) -> PerspectiveCamera:
     """Return the camera moved to its right by an offset, in scene units, that shows points at the focus distance at the
     same pixels."""
@@ -48,11 +40,3 @@ def beside(camera: PerspectiveCamera, offset: float, focus_distance: float) -> P
     plane = camera.plane
     moved = ViewPlane(plane.left - shift, plane.right - shift, plane.bottom, plane.top)
     return replace(camera, world_from_camera=camera.world_from_camera @ move, plane=moved)
-
-
-def cone_of(camera: PerspectiveCamera, offsets: Sequence[float], focus_distance: float) -> dict[str, PerspectiveCamera]:
-    """Return the cameras at these offsets beside `camera`, by the names of `view_names`."""
-    return {
-        name: beside(camera, offset, focus_distance)
-        for name, offset in zip(view_names(len(offsets)), offsets, strict=True)
-    }

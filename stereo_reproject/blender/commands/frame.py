@@ -145,7 +145,7 @@ def render_pair(
             facts.append(found)
     pair = StereoPair(frames)
     give_back_freed()
-    return pair, pair_report(pair, facts, settings, _memory())
+    return pair, pair_report(pair, facts, settings, memory_report())
 
 
 def _render_layer(
@@ -280,7 +280,7 @@ def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
     return list(dict.fromkeys(warnings))
 
 
-def _memory() -> MemoryReport:
+def memory_report() -> MemoryReport:
     """Return the memory of this process, at its peak and now, in MiB; None for what this system does not tell."""
     try:
         import resource

@@ -15,9 +15,10 @@ import bpy
 
 from ...errors import BadInputError
 from ...images.passes import Passes
+from ...settings.views import view_names
 from ...trace.requests import TraceRequest
 from ...views.camera import PerspectiveCamera
-from ...views.cone import cone_of, view_names
+from ...views.cone import beside
 from ...words import Words
 from ..scene.rendered import CYCLES
 from ..scene.rig import MODES, convergence_of_screen, stereo_cameras
@@ -55,7 +56,7 @@ class ViewsRenderer(BlenderRenderer):
         middle = set_up_middle(scene, focus_distance)
         self._offsets = dict(zip(view_names(len(offsets)), offsets, strict=True))
         self._numbers = {name: number for number, name in enumerate(self._offsets)}
-        views = cone_of(middle, offsets, focus_distance)
+        views = {name: beside(middle, offset, focus_distance) for name, offset in self._offsets.items()}
         super().__init__(scene, folder, user_scene=user_scene, views=views, packed_by=packed_by)
         self.motion = None
 
@@ -70,9 +71,7 @@ class ViewsRenderer(BlenderRenderer):
         if view not in self._offsets:
             yield view
             return
-        offset = self._offsets[view]
-        eye, pivot = ("right", "LEFT") if offset >= 0.0 else ("left", "RIGHT")
-        with changed(self.scene.camera.data.stereo, pivot=pivot, interocular_distance=abs(offset)):
+        with standing_beside(self.scene, self._offsets[view]) as eye:
             yield eye
 
     def _seed_of(self, view: str) -> int:
@@ -98,6 +97,15 @@ class ViewsRenderer(BlenderRenderer):
             renders += done[0]
             answers += done[1]
         return renders, answers
+
+
+@contextmanager
+def standing_beside(scene: bpy.types.Scene, offset: float) -> Iterator[str]:
+    """Have the camera of a scene that `set_up_middle` has set up stand so far to its right, in scene units, for the
+    time of a `with` block; gives the name of the eye that does."""
+    eye, pivot = ("right", "LEFT") if offset >= 0.0 else ("left", "RIGHT")
+    with changed(scene.camera.data.stereo, pivot=pivot, interocular_distance=abs(offset)):
+        yield eye
 
 
 def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveCamera:

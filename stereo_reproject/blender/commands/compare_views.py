@@ -1,0 +1,93 @@
+"""The reference for many views, in the same run: both ends and a view between them, rendered plainly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.passes import COLOUR_PASS
+from ...pipeline.many_views import FinishedView
+from ...pipeline.stereo_frame import colour
+from ...report.views_report import ViewsCompareReport
+from ...settings.frame import StereoSettings
+from ...settings.views import view_names
+from ...trace.fill import SourceCost
+from ...warp.composite import replace_non_finite
+from ..engines.render import render_views
+from ..engines.renderer import cost_of, shifted_seed
+from ..engines.views_renderer import set_up_middle, standing_beside
+from ..scene.working import working_scene
+from .compare import REFERENCE_SEED_OFFSET, REPEATED_SEED_OFFSET, MultiviewReference, flips
+
+
+@dataclass
+class PlainViews:
+    """What a comparison needs of finished views: where they are, and the one that is compared.
+
+    offsets, focus_distance are those of the renderer and layer is the view layer; light_scale is the number by which
+    light is multiplied to be judged as it is seen. Of the views that were made, the one that stands farthest from those
+    it was made from is compared; of equal ones, that which is nearest to the middle.
+    """
+
+    offsets: Sequence[float]
+    focus_distance: float
+    layer: str
+    light_scale: float = 1.0
+    chosen: FinishedView | None = None
+    _rank: tuple[float, float] = field(default=(0.0, 0.0))
+
+    def add(self, view: FinishedView) -> None:
+        """Note a finished view."""
+        if not view.sources:
+            return
+        numbers = [int(name.rpartition("_")[2]) for name in view.sources]
+        rank = min(abs(view.number - number) for number in numbers), -abs(view.number - 0.5 * (len(self.offsets) - 1))
+        if self.chosen is None or rank > self._rank:
+            self.chosen, self._rank = view, rank
+
+
+def compare_views(
+    scene: bpy.types.Scene, settings: StereoSettings, made: PlainViews, seconds: float, work: Path
+) -> ViewsCompareReport:
+    """Render both ends and the chosen view plainly, in a scene copy of their own that finds nothing synced, and
+    compare. seconds are those of our views in total. Where no view was made, the one in the middle stands for it."""
+    count, names = len(made.offsets), view_names(len(made.offsets))
+    between = count // 2 if made.chosen is None else made.chosen.number
+    numbers = list(dict.fromkeys((0, between, count - 1)))
+    with working_scene(scene, settings.scene, layer=made.layer) as copy:
+        set_up_middle(copy, made.focus_distance)
+        plain = {number: _plain(copy, made.offsets[number], REFERENCE_SEED_OFFSET, work) for number in numbers}
+        again, _ = _plain(copy, made.offsets[between], REPEATED_SEED_OFFSET, work)
+        engine = copy.render.engine
+    costs = [cost for _, cost in plain.values()]
+    all_seconds = costs[0].sync_seconds + count * float(np.mean([cost.per_frame for cost in costs]))
+    reference = MultiviewReference(engine, all_seconds, plain[between][0], again, made.light_scale)
+    if made.chosen is None:
+        ours, share = reference.reference, np.ones(again.shape[:2], np.float32)
+    else:
+        ours, share = made.chosen.passes[COLOUR_PASS], made.chosen.variance_share
+    errors = reference.judge(ours, share)
+    flip, noise_flip = flips(scene, settings, ours, reference, work)
+    return ViewsCompareReport(
+        views=tuple(names[number] for number in numbers),
+        plain_seconds=all_seconds,
+        speedup=all_seconds / seconds,
+        **{name: value for name, value in errors.items() if name != "rmse"},
+        flip=flip,
+        noise_flip=noise_flip,
+        flip_ratio=flip / noise_flip if flip is not None and noise_flip else None,
+    )
+
+
+def _plain(
+    scene: bpy.types.Scene, offset: float, seed_offset: int, work: Path
+) -> tuple[NDArray[np.float32], SourceCost]:
+    """Return the colour (H, W, 4) of the view at this offset as Blender renders it, and what that has cost."""
+    with standing_beside(scene, offset) as eye:
+        rendered = render_views(scene, (eye,), work, seed=shifted_seed(scene.cycles.seed, seed_offset))
+    return colour(replace_non_finite(rendered.views[eye])[0]), cost_of(rendered)

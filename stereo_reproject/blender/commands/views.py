@@ -1,0 +1,197 @@
+"""Many views of one frame of a .blend, from the file to the finished files: what the command line calls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...delivery.quilts import quilt_name
+from ...files import write_json
+from ...images.exr import read_channels, write_eye
+from ...jobs.memory import give_back_freed
+from ...jobs.work_folder import CONTACT_SHEET, SWEEP, VIEWS_FOLDER, views_files
+from ...pipeline.many_views import FinishedView, render_many_views
+from ...pipeline.onlooker import NOBODY, Onlooker
+from ...pipeline.stages import OUTSIDE_TOTAL, Stage
+from ...pipeline.stereo_frame import colour
+from ...pipeline.stopwatch import Stopwatch
+from ...report.as_json import as_json
+from ...report.views_report import ViewReport, ViewsReport, plan_lines, view_report
+from ...settings.frame import StereoSettings
+from ...settings.views import ViewsSettings
+from ...views.cone import cone_baseline, cone_degrees, offsets_of
+from ..engines.views_renderer import ViewsRenderer
+from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
+from ..scene.rendered import check_layers
+from ..scene.rig import frame_region
+from ..scene.warnings import scene_warnings
+from ..scene.working import evaluated, working_scene
+from .compare_views import PlainViews, compare_views
+from .frame import memory_report
+from .known_costs import known_costs, learn_costs
+
+
+@dataclass(frozen=True)
+class Cone:
+    """The places of many views: the distance of the plane that all show alike, and that between the outermost cameras,
+    in scene units."""
+
+    focus_distance: float
+    baseline: float
+    count: int
+
+    @property
+    def offsets(self) -> list[float]:
+        """Places of the cameras beside the scene's camera, in scene units, from the leftmost on."""
+        return offsets_of(self.count, self.baseline)
+
+
+def cone_of(working: bpy.types.Scene, views: ViewsSettings) -> Cone:
+    """Return the places of the views that are asked for, before the camera of a working scene."""
+    stereo = evaluated(working.camera, working).data.stereo
+    focus = stereo.convergence_distance if views.focus_distance is None else views.focus_distance
+    if views.baseline is not None:
+        return Cone(focus, views.baseline, views.count)
+    assert views.cone_degrees is not None
+    return Cone(focus, cone_baseline(views.cone_degrees, focus), views.count)
+
+
+class ViewFiles(Sequence):
+    """The colour of views, (H, W, 4) each, read from their files in a folder when it is asked for."""
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        self._paths = [folder / f"{name}.exr" for name in names]
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    def __getitem__(self, index: int) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Return the colour of one view; slices are not asked for."""
+        channels = read_channels(self._paths[index])
+        return np.stack([channels[letter] for letter in "RGBA"], axis=-1).astype(np.float32)
+
+
+def render_views_files(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    views: ViewsSettings,
+    work: Path,
+    *,
+    load_seconds: float = 0.0,
+    onlooker: Onlooker = NOBODY,
+) -> tuple[dict[str, Any], list[str]]:
+    """Render many views of one frame and write their files into work/out. Return the report, by the keys of
+    report.json, and the files' names.
+
+    The parameters are those of `frame.render_files`; only the main view layer is rendered. Raises BadInputError and
+    StereoReprojectError.
+    """
+    folder = work / "out" / VIEWS_FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    report, kept = _render(scene, settings, views, work, folder, onlooker)
+    onlooker.on_stage(Stage.WRITE)
+    watch = Stopwatch()
+    watch.lap(Stage.WRITE)
+    files = _write_pictures(scene, settings, views, work / "out")
+    watch.lap()
+    report = replace(report, seconds={Stage.LOAD.value: load_seconds, **report.seconds, **watch.seconds})
+    if settings.compare:
+        onlooker.on_stage(Stage.COMPARE)
+        report = replace(report, compare=compare_views(scene, settings, kept, report.seconds["total"], work))
+    written = as_json(report)
+    write_json(work / "out" / "report.json", written)
+    return written, files
+
+
+def _render(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    views: ViewsSettings,
+    work: Path,
+    folder: Path,
+    onlooker: Onlooker,
+) -> tuple[ViewsReport, PlainViews]:
+    """Render the views and write each into the folder as it is finished. Return the report, and what a comparison
+    needs of them."""
+    layer = check_layers(scene)[0]
+    reports: dict[int, ViewReport] = {}
+
+    def on_stage(stage: str) -> None:
+        onlooker.on_stage(stage, f"view {min(len(reports) + 1, views.count)} of {views.count}")
+
+    watch = Stopwatch(Onlooker(on_stage, onlooker.show))
+    watch.lap(Stage.PLAN)
+    with working_scene(scene, settings.scene, layer=layer) as working:
+        cone = cone_of(working, views)
+        renderer = ViewsRenderer(
+            working, work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
+        )
+        kept = PlainViews(cone.offsets, cone.focus_distance, layer)
+
+        def on_view(view: FinishedView) -> None:
+            reports[view.number] = view_report(view)
+            kept.add(view)
+            write_eye(folder / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata)
+            watch.show(view.name, lambda: colour(view.passes))
+
+        maker = render_many_views(
+            renderer,
+            settings,
+            views.names,
+            on_view,
+            watch=watch,
+            known_costs=lambda: known_costs(working, renderer.packed_by),
+        )
+        learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
+        kept.light_scale = maker.light_scale or 1.0
+        region = frame_region(working.render)
+        samples, device, frame = working.cycles.samples, working.cycles.device, working.frame_current
+    give_back_freed()
+    total = sum(seconds for stage, seconds in watch.seconds.items() if stage not in OUTSIDE_TOTAL)
+    report = ViewsReport(
+        scene=Path(bpy.data.filepath).stem or scene.name,
+        scene_datablock=scene.name,
+        frame=frame,
+        size=(region.width, region.height),
+        samples=samples,
+        engine=scene.render.engine,
+        device=device,
+        blender=bpy.app.version_string,
+        accuracy=settings.accuracy,
+        cone_degrees=cone_degrees(cone.baseline, cone.focus_distance),
+        baseline=cone.baseline,
+        focus_distance=cone.focus_distance,
+        display=views.display,
+        views=tuple(reports[number] for number in sorted(reports)),
+        plan=plan_lines(maker.steps),
+        seconds={**watch.seconds, "total": total},
+        predicted_speedup=maker.plain_seconds(views.count) / total,
+        packed_by=renderer.packed.name,
+        memory=memory_report(),
+        warnings=tuple(dict.fromkeys([*renderer.warnings, *scene_warnings(scene, settings.scene)])),
+    )
+    return report, kept
+
+
+def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, out: Path) -> list[str]:
+    """Write the quilt, the contact sheet and the sweep of the views into the folder `out`; return the names of all
+    files there."""
+    pictures, frame = ViewFiles(out / VIEWS_FOLDER, views.names), settings.scene.frame
+    quilts: list[str] = []
+    if views.columns is not None and views.rows is not None:
+        height, width = pictures[0].shape[:2]
+        render = scene.render
+        aspect = views.aspect or width * render.pixel_aspect_x / (height * render.pixel_aspect_y)
+        name = quilt_name(views.columns, views.rows, aspect)
+        quilts = [f"{name}.png", f"{name}.exr"]
+        for quilt in quilts:
+            write_quilt(scene, pictures, views.columns, views.rows, out / quilt, frame=frame)
+    write_contact_sheet(scene, pictures, out / CONTACT_SHEET, frame=frame)
+    write_sweep(scene, pictures, out / SWEEP, frame=frame)
+    return [*quilts, *views_files(views)]
