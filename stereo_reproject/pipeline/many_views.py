@@ -1,5 +1,8 @@
-"""START HERE for many views: the outermost views are rendered, then gaps are filled by making views, or split by
-rendering one more. `view_plan` says which."""
+"""START HERE for many views: the outermost ones are rendered, and what is between is made from them, or split by
+rendering one more.
+
+`view_plan` says which. Two views are a pair: the first is rendered, and the other made from it, or rendered too.
+"""
 
 from __future__ import annotations
 
@@ -91,6 +94,9 @@ class ViewsMaker:
         """Render or make all views, the outermost ones first."""
         last = len(self.views) - 1
         self.render(0, "outermost")
+        if last == 1:
+            self._make_other()
+            return
         self.render(last, "outermost")
         gaps = [Gap(0, last)]
         while gaps:
@@ -100,6 +106,14 @@ class ViewsMaker:
                 continue
             # From left to right: no other gap needs this source.
             del self._sources[gap.first]
+
+    def _make_other(self) -> None:
+        """Make the second of two views from the first; its tracing is a full render where that is cheaper."""
+        self._begin(Stage.WARP)
+        [done] = self._completed((0,), [(1, self._warped((0,), 1))])
+        traced, names = float(np.mean(done.target.traced)), (self.views[1].name,)
+        self.steps.append(PlanStep(names, f"made from the other: {traced:.0%} traced; {done.fill.reason}"))
+        self._finish((0,), 1, done)
 
     def render(self, number: int, why: str) -> None:
         """Render a view whole, to be a source of others; `why` goes into the plan."""
@@ -121,7 +135,7 @@ class ViewsMaker:
         """
         task = self._task(self.views[gap.first], self.views[gap.middle])
         start = self._begin(Stage.WARP)
-        tracing = self._warped(gap, gap.middle)
+        tracing = self._warped(gap.ends, gap.middle)
         self._made_seconds = time.perf_counter() - start
         holes = float(np.mean(tracing.target.traced))
         share = min(holes + self._expected_refinement(gap) * task.may_differ, 1.0)
@@ -129,7 +143,7 @@ class ViewsMaker:
         if costs.is_split(gap.count, share):
             self.render(gap.middle, _reason(gap, holes, share, costs, "expected"))
             return True
-        [made] = self._completed(gap, [(gap.middle, tracing)])
+        [made] = self._completed(gap.ends, [(gap.middle, tracing)])
         traced = float(np.mean(made.target.traced))
         self._refined = gap.last - gap.first, max(traced - holes, 0.0)
         others = [number for number in gap.inner if number != gap.middle]
@@ -139,15 +153,12 @@ class ViewsMaker:
             return True
         names = tuple(self.views[number].name for number in gap.inner)
         self.steps.append(PlanStep(names, f"made: {_figures(gap, holes, traced, costs)}"))
-        self._finish(gap, gap.middle, made)
+        self._finish(gap.ends, gap.middle, made)
         for batch in self._batches(others):
             self._begin(Stage.WARP)
-            for number, done in zip(
-                batch,
-                self._completed(gap, [(number, self._warped(gap, number)) for number in batch]),
-                strict=True,
-            ):
-                self._finish(gap, number, done)
+            warped = [(number, self._warped(gap.ends, number)) for number in batch]
+            for number, done in zip(batch, self._completed(gap.ends, warped), strict=True):
+                self._finish(gap.ends, number, done)
         return False
 
     @staticmethod
@@ -192,30 +203,31 @@ class ViewsMaker:
         """Return the task of making one view from others, of which `source` is the first."""
         return FrameTask(self.renderer, self.settings, source, target, self._findings, self.known_costs, self.watch)
 
-    def _warped(self, gap: Gap, number: int) -> ProbedTracing:
-        """Return a view of the gap as the two rendered ones show it, ready to be traced."""
-        sources = [self._sources[end] for end in (gap.first, gap.last)]
-        task = self._task(self.views[gap.first], self.views[number])
+    def _warped(self, ends: Sequence[int], number: int) -> ProbedTracing:
+        """Return a view as the rendered ones of these numbers show it, ready to be traced."""
+        sources = [self._sources[end] for end in ends]
+        task = self._task(self.views[ends[0]], self.views[number])
         warped = warp_sources(task, sources, seed=self.renderer.seed + PROBE_SEED_STEP * number)
         return ProbedTracing(self.renderer, warped)
 
-    def _completed(self, gap: Gap, targets: Sequence[tuple[int, ProbedTracing]]) -> list[Completed]:
-        """Return warped views of a gap, given by number, traced together: holes and probes, then what these ask for."""
+    def _completed(self, ends: Sequence[int], targets: Sequence[tuple[int, ProbedTracing]]) -> list[Completed]:
+        """Return views that were warped from those of the numbers `ends`, given by number, traced together: holes and
+        probes, then what these ask for."""
         tracings = [tracing for _, tracing in targets]
         self._begin(Stage.FILL)
         fills = run_together([tracing.fill_steps() for tracing in tracings], self.renderer)
         self._begin(Stage.REFINE)
         refinements = run_together([tracing.refine_steps() for tracing in tracings], self.renderer)
-        sources = self._sources[gap.first], self._sources[gap.last]
+        sources = tuple(self._sources[end] for end in ends)
         return [
             Completed(sources, tracing.warped, tracing.target, fill, refinement)
             for tracing, fill, refinement in zip(tracings, fills, refinements, strict=True)
         ]
 
-    def _finish(self, gap: Gap, number: int, done: Completed) -> None:
-        """Put a view of the gap together and hand it over."""
-        view, [first, last] = self.views[number], (self.views[gap.first], self.views[gap.last])
-        task = self._task(first, view)
+    def _finish(self, ends: Sequence[int], number: int, done: Completed) -> None:
+        """Put a view together that was made from those of the numbers `ends`, and hand it over."""
+        view, sources = self.views[number], [self.views[end] for end in ends]
+        task = self._task(sources[0], view)
         share = done.warped.variance_share_of(done.target)
         self._begin(Stage.COMPOSITE)
         finished = composited(task, done)
@@ -224,7 +236,7 @@ class ViewsMaker:
             self._begin(Stage.DENOISE_TARGET)
             finished = denoised(done, finished, denoising)
         passes = with_depth_pass(without_internal_passes(finished.passes), view.camera)
-        names, estimate = (first.name, last.name), done.refinement.estimate
+        names, estimate = tuple(source.name for source in sources), done.refinement.estimate
         self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate))
 
 

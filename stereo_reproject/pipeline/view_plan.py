@@ -21,6 +21,11 @@ class Gap:
     last: int
 
     @property
+    def ends(self) -> tuple[int, int]:
+        """Numbers of the two rendered views."""
+        return self.first, self.last
+
+    @property
     def count(self) -> int:
         """Number of views in the gap."""
         return self.last - self.first - 1

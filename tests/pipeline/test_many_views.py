@@ -1,0 +1,106 @@
+"""The way of many views, with a ray caster in Blender's place, so that each view can be held against its own render."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from stereo_reproject.images.metrics import honest_ratio
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.pipeline.many_views import render_many_views
+from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.settings.views import view_names
+from stereo_reproject.trace.costs import TraceCosts
+from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.views.cone import beside, offsets_of
+from tests.pipeline.test_pipeline import ROOM, Caster
+from tests.warp.exact import Rig
+
+SIZE = (120, 80)
+FOCUS = 4.0
+NOISE = 0.05
+
+
+@dataclass
+class ViewsCaster(Caster):
+    """A caster of many views: each rendered whole with a seed of its own, and many requests answered at once."""
+
+    def render_source(self, view, *, probed):  # noqa: ARG002
+        self.asked.append(("source", view))
+        return self.picture(view, seed=10_000 + list(self.cameras).index(view)), self.cost
+
+    def trace(self, method, requests):
+        first = len(self.asked)
+        answers = [super(ViewsCaster, self).trace(method, [request])[0] for request in requests]
+        self.asked[first:] = [("together", method, [request.view for request in requests])]
+        return answers
+
+
+def caster(count, baseline, **kept):
+    middle, _ = Rig(size=SIZE, ipd=0.0).eyes
+    names = view_names(count)
+    cameras = {
+        name: beside(middle, offset, FOCUS) for name, offset in zip(names, offsets_of(count, baseline), strict=True)
+    }
+    return ViewsCaster(ROOM, cameras, noise=NOISE, cost=SourceCost(seconds=100.0, sync_seconds=1.0), **kept)
+
+
+def made(renderer, accuracy="balanced"):
+    """Return the maker and the finished views of the renderer's cameras, in order."""
+    views = []
+    settings = StereoSettings(accuracy=accuracy)
+    maker = render_many_views(renderer, settings, list(renderer.cameras), views.append, known_costs=TraceCosts)
+    return maker, sorted(views, key=lambda view: view.number)
+
+
+def honest(renderer, view):
+    """Return the honest ratio of a view against two renders of it."""
+    a, b = (renderer.picture(view.name, seed=seed)[COLOUR_PASS] for seed in (71, 72))
+    return honest_ratio(view.passes[COLOUR_PASS], a, b, view.variance_share)
+
+
+def test_all_views_come_once_and_each_keeps_the_promise():
+    renderer = caster(9, 0.6)
+    maker, views = made(renderer)
+    assert [view.name for view in views] == list(renderer.cameras)
+    whole = [view for view in views if not view.sources]
+    assert {views[0].name, views[-1].name} <= {view.name for view in whole}
+    assert len(whole) < len(views)
+    for view in views:
+        assert view.traced.all() == (not view.sources)
+        assert honest(renderer, view) <= 1.10
+    assert {name for step in maker.steps for name in step.views} == set(renderer.cameras)
+
+
+def test_views_far_apart_are_rendered_in_between():
+    near, far = (len([v for v in made(caster(17, baseline))[1] if not v.sources]) for baseline in (0.2, 8.0))
+    assert near < far
+
+
+def test_views_of_a_gap_are_traced_together():
+    renderer = caster(9, 0.2)
+    made(renderer)
+    together = [asked[2] for asked in renderer.asked if asked[0] == "together"]
+    assert max(len(views) for views in together) == 6
+
+
+def test_where_pixels_cannot_be_packed_all_views_are_rendered():
+    renderer = caster(5, 0.4, blockers={"packed": "no", "card": "no"})
+    _, views = made(renderer)
+    assert all(view.traced.all() for view in views)
+
+
+def test_two_views_are_a_pair():
+    renderer = caster(2, 0.15)
+    maker, [first, other] = made(renderer)
+    assert not first.sources
+    assert other.sources == (first.name,)
+    assert honest(renderer, other) <= 1.10
+    assert [asked for asked in renderer.asked if asked[0] == "source"] == [("source", first.name)]
+    assert maker.plain_seconds(2) == pytest.approx(199.0)
+
+
+def test_noise_of_whole_views_is_not_the_same():
+    _, views = made(caster(3, 0.3))
+    first, last = views[0].passes[COLOUR_PASS], views[-1].passes[COLOUR_PASS]
+    assert not np.array_equal(first, last)
