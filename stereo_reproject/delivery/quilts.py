@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    # The command line, which names quilts too, starts without numpy.
+    from numpy.typing import NDArray
 
 QUILT_FILE = re.compile(r"quilt_qs\d+x\d+a[\d.]+\.(png|exr)")
 """Names that `quilt_name` and an extension make."""
@@ -47,6 +48,8 @@ def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> It
     pictures are the views (H, W, C), all of one size, at most columns * rows of them; only those of one band are asked
     for at a time, so that a sequence may read them from files. Places without a view are 0, in alpha too.
     """
+    import numpy as np
+
     empty = np.zeros_like(pictures[0])
     for row in reversed(range(rows)):
         places = range(row * columns, (row + 1) * columns)
@@ -55,4 +58,6 @@ def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> It
 
 def assemble_quilt(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> NDArray[Any]:
     """Return the quilt (rows * H, columns * W, C) of views (H, W, C), as `quilt_bands` has it."""
+    import numpy as np
+
     return np.concatenate(list(quilt_bands(pictures, columns, rows)))
