@@ -8,13 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pipeline.many_views import FinishedView, PlanStep
+from ..pipeline.views_maker import FinishedView, PlanStep
 from .as_json import ABSENT, Absent
 from .frame_report import MemoryReport
 from .header import REPORT_SCHEMA
-
-RENDERED, MADE = "rendered", "made"
-"""Words of a report for the two ways in which a view came to be: it was rendered whole, or made from others."""
+from .views_table import MADE, RENDERED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,9 @@ from typing import Any
 
 from ..pipeline.stages import in_order, label_of
 from .table import is_number, number_text, samples_text
-from .views_report import MADE, RENDERED
+
+RENDERED, MADE = "rendered", "made"
+"""Words of a report for the two ways in which a view came to be: it was rendered whole, or made from others."""
 
 View = Mapping[str, Any]
 """A view's entry in the report: name, how (RENDERED or MADE), from (names of views), traced (share of its pixels, 0 to

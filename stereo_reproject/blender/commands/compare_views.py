@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import COLOUR_PASS
-from ...pipeline.many_views import FinishedView
 from ...pipeline.stereo_frame import colour
+from ...pipeline.views_maker import FinishedView
 from ...report.views_report import ViewsCompareReport
 from ...settings.frame import StereoSettings
 from ...settings.views import view_names
@@ -27,7 +27,7 @@ from .compare import REFERENCE_SEED_OFFSET, REPEATED_SEED_OFFSET, MultiviewRefer
 
 @dataclass
 class PlainViews:
-    """What a comparison needs of finished views: where they are, and the one that is compared.
+    """Finished views as a comparison needs them: their places, and the one that is compared.
 
     offsets, focus_distance are those of the renderer and layer is the view layer; light_scale is the number by which
     light is multiplied to be judged as it is seen. Of the views that were made, the one that stands farthest from those

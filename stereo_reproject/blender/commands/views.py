@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,22 @@ from ...files import write_json
 from ...images.exr import read_channels, write_eye
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import CONTACT_SHEET, SWEEP, VIEWS_FOLDER, views_files
-from ...pipeline.many_views import FinishedView, render_many_views
+from ...pipeline.many_views import render_many_views
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...pipeline.stereo_frame import colour
 from ...pipeline.stopwatch import Stopwatch
+from ...pipeline.views_maker import FinishedView, ViewsMaker
 from ...report.as_json import as_json
 from ...report.views_report import ViewReport, ViewsReport, plan_lines, view_report
 from ...settings.frame import StereoSettings
 from ...settings.views import ViewsSettings
+from ...trace.costs import TraceCosts
 from ...views.cone import cone_baseline, cone_degrees, offsets_of
+from ...words import Words
 from ..engines.views_renderer import ViewsRenderer
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
+from ..scene.compositor import is_composited
 from ..scene.rendered import check_layers
 from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
@@ -140,43 +144,73 @@ def _render(
             write_eye(folder / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata)
             watch.show(view.name, lambda: colour(view.passes))
 
-        maker = render_many_views(
-            renderer,
-            settings,
-            views.names,
-            on_view,
-            watch=watch,
-            known_costs=lambda: known_costs(working, renderer.packed_by),
-        )
+        def costs() -> TraceCosts:
+            return known_costs(working, renderer.packed_by)
+
+        maker = render_many_views(renderer, settings, views.names, on_view, watch=watch, known_costs=costs)
         learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
         kept.light_scale = maker.light_scale or 1.0
-        region = frame_region(working.render)
-        samples, device, frame = working.cycles.samples, working.cycles.device, working.frame_current
+        facts = _facts(scene, working, renderer, cone)
     give_back_freed()
-    total = sum(seconds for stage, seconds in watch.seconds.items() if stage not in OUTSIDE_TOTAL)
-    report = ViewsReport(
+    ordered = tuple(reports[number] for number in sorted(reports))
+    return _report(scene, settings, views, facts, maker, ordered), kept
+
+
+def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, renderer: ViewsRenderer, cone: Cone) -> dict[str, Any]:
+    """Return the fields of the report that are known as long as the working scene is there."""
+    region = frame_region(working.render)
+    return {
+        "frame": working.frame_current,
+        "size": (region.width, region.height),
+        "samples": working.cycles.samples,
+        "engine": working.render.engine,
+        "device": working.cycles.device,
+        "cone_degrees": cone_degrees(cone.baseline, cone.focus_distance),
+        "baseline": cone.baseline,
+        "focus_distance": cone.focus_distance,
+        "packed_by": renderer.packed.name,
+        "warnings": (*renderer.warnings, *views_warnings(scene)),
+    }
+
+
+def _report(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    views: ViewsSettings,
+    facts: Mapping[str, Any],
+    maker: ViewsMaker,
+    reports: tuple[ViewReport, ...],
+) -> ViewsReport:
+    """Return the report of finished views, of which these are the reports in order; facts are as `_facts` has them."""
+    seconds = maker.watch.seconds
+    total = sum(spent for stage, spent in seconds.items() if stage not in OUTSIDE_TOTAL)
+    warnings = (*facts["warnings"], *scene_warnings(scene, settings.scene))
+    return ViewsReport(
+        **{**facts, "warnings": tuple(dict.fromkeys(warnings))},
         scene=Path(bpy.data.filepath).stem or scene.name,
         scene_datablock=scene.name,
-        frame=frame,
-        size=(region.width, region.height),
-        samples=samples,
-        engine=scene.render.engine,
-        device=device,
         blender=bpy.app.version_string,
         accuracy=settings.accuracy,
-        cone_degrees=cone_degrees(cone.baseline, cone.focus_distance),
-        baseline=cone.baseline,
-        focus_distance=cone.focus_distance,
         display=views.display,
-        views=tuple(reports[number] for number in sorted(reports)),
+        views=reports,
         plan=plan_lines(maker.steps),
-        seconds={**watch.seconds, "total": total},
+        seconds={**seconds, "total": total},
         predicted_speedup=maker.plain_seconds(views.count) / total,
-        packed_by=renderer.packed.name,
         memory=memory_report(),
-        warnings=tuple(dict.fromkeys([*renderer.warnings, *scene_warnings(scene, settings.scene)])),
     )
-    return report, kept
+
+
+def views_warnings(scene: bpy.types.Scene) -> list[str]:
+    """Return a line for each part of the user's scene that many views do not have."""
+    warnings = []
+    layers = check_layers(scene)
+    if len(layers) > 1:
+        warnings.append(Words("only the view layer {layer} is rendered in many views", layer=repr(layers[0])))
+    if scene.view_layers[layers[0]].use_pass_vector:
+        warnings.append(Words("many views have no Vector pass"))
+    if is_composited(scene):
+        warnings.append(Words("the compositor is not run on many views"))
+    return warnings
 
 
 def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, out: Path) -> list[str]:

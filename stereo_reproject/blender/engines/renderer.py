@@ -107,7 +107,9 @@ class BlenderRenderer:
         self.denoise: Denoise | None = None
         if denoises(scene):
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
-        self._rays = RayPasses(scene, self.plan, denoised=bool(self.denoise), mirrors=self._may_see_mirrors(eyes))
+        optics = Optics(self.lens, self.volumes)
+        mirrors = self.plan.may_mirror and _shows_mirrors(scene, eyes, optics, denoised=self.denoise is not None)
+        self._rays = RayPasses(scene, self.plan, denoised=bool(self.denoise), mirrors=mirrors)
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
         """Measurements of the renders that traced pixels of this frame, in their order."""
@@ -118,11 +120,6 @@ class BlenderRenderer:
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
         """Reason why those samples cannot be told, if they cannot: then nothing is traced."""
-
-    def _may_see_mirrors(self, eyes: Mapping[str, Camera]) -> bool:
-        """Return whether passes are worth rendering that tell of the images in flat mirrors."""
-        optics = Optics(self.lens, self.volumes)
-        return self.plan.may_mirror and _shows_mirrors(self.scene, eyes, optics, denoised=self.denoise is not None)
 
     def _noisy(self) -> AbstractContextManager[None]:
         """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards; else one
@@ -171,8 +168,7 @@ class BlenderRenderer:
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
 
     def _standing_at(self, view: str) -> AbstractContextManager[str]:
-        """Return a context in which Blender can render the view of this name whole; it gives Blender's name for it,
-        which here is the same."""
+        """Return a context in which Blender can render this view whole, and which gives Blender's name for it."""
         check_blenders(view)
         return nullcontext(view)
 
