@@ -107,9 +107,7 @@ class BlenderRenderer:
         self.denoise: Denoise | None = None
         if denoises(scene):
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
-        optics = Optics(self.lens, self.volumes)
-        mirrors = self.plan.may_mirror and _shows_mirrors(scene, eyes, optics, denoised=self.denoise is not None)
-        self._rays = RayPasses(scene, self.plan, denoised=bool(self.denoise), mirrors=mirrors)
+        self._rays = RayPasses(scene, self.plan, denoised=bool(self.denoise), mirrors=self._may_see_mirrors(eyes))
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
         """Measurements of the renders that traced pixels of this frame, in their order."""
@@ -121,16 +119,17 @@ class BlenderRenderer:
         self.uncounted: str | None = None
         """Reason why those samples cannot be told, if they cannot: then nothing is traced."""
 
+    def _may_see_mirrors(self, eyes: Mapping[str, Camera]) -> bool:
+        """Return whether passes are worth rendering that tell of the images in flat mirrors."""
+        optics = Optics(self.lens, self.volumes)
+        return self.plan.may_mirror and _shows_mirrors(self.scene, eyes, optics, denoised=self.denoise is not None)
+
     def _noisy(self) -> AbstractContextManager[None]:
-        """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards; else one
-        that does nothing.
-        """
+        """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards."""
         return nullcontext() if self.denoise is None else changed(self.scene.cycles, use_denoising=False)
 
     def _guided(self, passes: Passes) -> Passes:
-        """Return the passes of a render without those that only we have switched on, and with those that denoising
-        needs.
-        """
+        """Return the passes of a render without those that only we switched on, with those that denoising needs."""
         passes = without_added_positions(self.scene, passes)
         return self._rays.without_added(passes if self.denoise is None else guided_by(passes))
 
