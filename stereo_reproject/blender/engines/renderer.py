@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from types import MappingProxyType
 
 import bpy
 import numpy as np
@@ -64,6 +65,18 @@ LEAST_SHARE_BETWEEN_EYES = 0.0005
 """Share of the picture from which things between the eyes are warned of: less is a pixel here and there."""
 
 
+def standing_at_eye(view: str) -> AbstractContextManager[str]:
+    """Return a context in which Blender can render this view whole, an eye, and which gives Blender's name for it."""
+    check_blenders(view)
+    return nullcontext(view)
+
+
+def check_blenders(view: str) -> None:
+    """Raise BadInputError unless the view is an eye: only those can Blender render by itself."""
+    if view not in EYES:
+        raise BadInputError(Words("view {view} is none of Blender's: it can be traced packed alone", view=repr(view)))
+
+
 class BlenderRenderer:
     """Renderer of a working scene for the pipeline; its subclasses differ in engine or source.
 
@@ -74,6 +87,9 @@ class BlenderRenderer:
     """
 
     gpu = staticmethod(gpu_warper)
+    standing_at: Callable[[str], AbstractContextManager[str]] = staticmethod(standing_at_eye)
+    own_seeds: Mapping[str, int] = MappingProxyType({})
+    """Seeds, by view name, of whole renders that have another than the scene's."""
 
     @property
     def warnings(self) -> list[str]:
@@ -130,8 +146,8 @@ class BlenderRenderer:
 
     def _guided(self, passes: Passes) -> Passes:
         """Return the passes of a render without those that only we switched on, with those that denoising needs."""
-        passes = without_added_positions(self.scene, passes)
-        return self._rays.without_added(passes if self.denoise is None else guided_by(passes))
+        passes = self._rays.without_added(passes if self.denoise is None else guided_by(passes))
+        return without_added_positions(self.scene, passes)
 
     def first_look(self, view: str, *, probed: bool = True) -> tuple[NDArray[np.float32], SourceCost] | None:
         """Render an eye with a single sample; return its colour (H, W, 4) and its cost. None where EEVEE renders, which
@@ -151,10 +167,9 @@ class BlenderRenderer:
         limit. From now on the renders have what only probes are read by, if they are `probed`.
         """
         self._rays.tell_light_apart(self.scene, probed=probed)
-        with self._noisy(), self._standing_at(view) as eye:
-            rendered = render_source_view(
-                self.scene, eye, self.cameras.values(), self.plan, self.folder, self._seed_of(view)
-            )
+        with self._noisy(), self.standing_at(view) as eye:
+            seed = self.own_seeds.get(view, self.seed)
+            rendered = render_source_view(self.scene, eye, self.cameras.values(), self.plan, self.folder, seed)
         give_back_freed()  # A fifth of all memory by now, of a large picture: reading the file has taken it.
         if has_time_limit(self.scene):
             self.samples_rendered = samples_rendered(self.scene, rendered, eye)
@@ -165,15 +180,6 @@ class BlenderRenderer:
         passes = without_counts(self.scene, self._guided(found)) | self._rays.of(found)
         own = effects_passes(self.scene, self.plan, passes, rendered.attributes)
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
-
-    def _standing_at(self, view: str) -> AbstractContextManager[str]:
-        """Return a context in which Blender can render this view whole, and which gives Blender's name for it."""
-        check_blenders(view)
-        return nullcontext(view)
-
-    def _seed_of(self, view: str) -> int:  # noqa: ARG002 - Blender renders both eyes with one seed
-        """Return the seed of the view's whole render."""
-        return self.seed
 
     @property
     def traced_scene(self) -> bpy.types.Scene:
@@ -220,7 +226,8 @@ class BlenderRenderer:
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
         """Trace all requests by one method, as `trace.requests.Tracer` says. Packed pixels of several views are traced
-        in as few renders as is exact; the other methods render view by view.
+        in as few renders as is exact; the other methods render view by view. Of several renders, nobody knows which has
+        traced what, and none is noted.
         """
         # A whole render of the eye is one as the user asks for, with the limit.
         enough = has_time_limit(self.scene) and method != "full"
@@ -228,7 +235,6 @@ class BlenderRenderer:
             if method == "packed":
                 renders, traced = self._traced_together(requests)
                 if len(renders) == 1:
-                    # Of several, nobody knows which has traced what.
                     pixels = sum(float(np.mean(mask)) for request in requests for mask in request.masks)
                     self._note("packed", renders[0], pixels)
             else:
@@ -248,7 +254,7 @@ class BlenderRenderer:
         probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
         apart = []
         for mask in request.masks:
-            with self._standing_at(request.view) as eye:
+            with self.standing_at(request.view) as eye:
                 rendered, passes = WHOLE_TRACES[method](self.scene, eye, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
             apart.append(with_depth_at(passes, self.cameras[request.view], np.argwhere(mask)))
@@ -307,12 +313,6 @@ def _warnings_between_eyes(share: float) -> list[str]:
 def cost_of(rendered: Rendered) -> SourceCost:
     """Return the cost of a render, in seconds of the whole call and of Cycles' sync, as the pipeline has it."""
     return SourceCost(rendered.seconds, rendered.sync_seconds)
-
-
-def check_blenders(view: str) -> None:
-    """Raise BadInputError unless the view is an eye: only those can Blender render by itself."""
-    if view not in EYES:
-        raise BadInputError(Words("view {view} is none of Blender's: it can be traced packed alone", view=repr(view)))
 
 
 def trace_full(

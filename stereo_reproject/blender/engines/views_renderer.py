@@ -55,17 +55,19 @@ class ViewsRenderer(BlenderRenderer):
     ) -> None:
         middle = set_up_middle(scene, focus_distance)
         self._offsets = dict(zip(view_names(len(offsets)), offsets, strict=True))
-        self._numbers = {name: number for number, name in enumerate(self._offsets)}
         views = {name: beside(middle, offset, focus_distance) for name, offset in self._offsets.items()}
         super().__init__(scene, folder, user_scene=user_scene, views=views, packed_by=packed_by)
         self.motion = None
+        self.own_seeds = {
+            name: shifted_seed(self.seed, VIEW_SEED_STEP * number) for number, name in enumerate(self._offsets)
+        }
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         """Return what `BlenderRenderer.fill_blockers` does; a card is no way for many views."""
         return {**super().fill_blockers(deepest), "card": ONE_VIEW_AT_A_TIME}
 
     @contextmanager
-    def _standing_at(self, view: str) -> Iterator[str]:
+    def standing_at(self, view: str) -> Iterator[str]:
         """Have the scene's camera stand as the view of this name for the time of a `with` block; gives the name of the
         eye that shows it."""
         if view not in self._offsets:
@@ -73,10 +75,6 @@ class ViewsRenderer(BlenderRenderer):
             return
         with standing_beside(self.scene, self._offsets[view]) as eye:
             yield eye
-
-    def _seed_of(self, view: str) -> int:
-        """Return a seed of the view's own, so that no noise is common to all views."""
-        return shifted_seed(self.seed, VIEW_SEED_STEP * self._numbers.get(view, 0))
 
     def _traced_together(self, requests: Sequence[TraceRequest]) -> tuple[list[Rendered], list[Passes]]:
         """Trace all requests packed, in one render where that is exact, else each view as Blender's own camera."""
@@ -88,7 +86,7 @@ class ViewsRenderer(BlenderRenderer):
         renders: list[Rendered] = []
         answers: list[Passes] = []
         for request in requests:
-            with self._standing_at(request.view) as eye:
+            with self.standing_at(request.view) as eye:
                 of_eye = {**self.cameras, eye: self.cameras[request.view]}
                 asked = [replace(request, view=eye)]
                 done = trace_together(
