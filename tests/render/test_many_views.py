@@ -1,6 +1,7 @@
 """Many views side by side: rendered whole by Blender's own eyes, traced as they are rendered, and delivered whole."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from stereo_reproject.blender.commands.views import cone_of, render_views_files
 from stereo_reproject.blender.engines.views_renderer import ViewsRenderer, set_up_middle, standing_beside
 from stereo_reproject.blender.output.pictures import read_png
+from stereo_reproject.blender.scene.cone_room import cone_warnings
 from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.blender.scene.working import evaluated, working_scene
 from stereo_reproject.errors import BadInputError
@@ -18,7 +20,7 @@ from stereo_reproject.settings.views import ViewsSettings
 from stereo_reproject.trace.requests import TraceRequest
 from stereo_reproject.views.camera import disparity_per_nearness
 from stereo_reproject.views.cone import beside
-from tests.blender.toolbox import rms
+from tests.blender.toolbox import add_camera, add_plane, diffuse, empty_scene, rms
 from tests.render.test_fill import (
     NOISE,
     camera_in_fog,
@@ -126,3 +128,17 @@ def test_cameras_that_cannot_be_moved_aside(tmp_path, change):
     scene = small_studio(tmp_path, change)
     with pytest.raises(BadInputError, match="no perspective camera"):
         render_views_files(scene, StereoSettings(), VIEWS, tmp_path)
+
+
+@pytest.mark.parametrize(("hidden", "lines"), [(False, 1), (True, 0)])
+def test_views_behind_a_wall_are_warned_of(tmp_path, hidden, lines):
+    scene = empty_scene()
+    add_camera(scene)
+    wall = add_plane(scene, diffuse(), size=(20.0, 20.0), location=(1.0, 0.0, 0.0), rotation=(0.0, math.pi / 2.0, 0.0))
+    wall.name, wall.hide_render = "Wall", hidden
+    with working_scene(scene, SceneOverrides()) as working:
+        found = cone_warnings(working, [-3.0, -1.5, 0.0, 1.5, 3.0], 4.0)
+    assert len(found) == lines
+    if lines:
+        assert "view_03 to view_04 stand behind 'Wall'" in found[0]
+        assert f"at most {math.degrees(2 * math.atan(1.0 / 4.0)):.0f} degrees" in found[0]

@@ -32,6 +32,7 @@ from ...words import Words
 from ..engines.views_renderer import ViewsRenderer
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
 from ..scene.compositor import is_composited
+from ..scene.cone_room import cone_warnings
 from ..scene.rendered import check_layers
 from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
@@ -169,7 +170,11 @@ def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, renderer: ViewsRend
         "baseline": cone.baseline,
         "focus_distance": cone.focus_distance,
         "packed_by": renderer.packed.name,
-        "warnings": (*renderer.warnings, *views_warnings(scene)),
+        "warnings": (
+            *renderer.warnings,
+            *cone_warnings(working, cone.offsets, cone.focus_distance),
+            *views_warnings(scene),
+        ),
     }
 
 
