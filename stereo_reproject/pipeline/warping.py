@@ -15,6 +15,7 @@ from ..images.passes import deepest
 from ..trace.costs import TraceCosts
 from ..trace.fill import check_fill
 from ..trace.planner import FillPlanner
+from ..views.camera import goes_round
 from ..views.solid_angle import pixel_weights
 from ..warp.options import WarpOptions
 from ..warp.stage import choose_warper, seconds_taken
@@ -60,6 +61,7 @@ def warp_source(task: FrameTask, source: Source) -> WarpedSource:
         task.renderer.seed,
         source.light_scale,
         pixel_weights(task.target.camera),
+        goes_round(task.target.camera),
     )
     tracing = task.renderer.tracing_of(target)
     better = next_better(source.accuracy) if tracing.can_promise else WHOLE
