@@ -112,8 +112,8 @@ class HoleClassifier:
         return SourceEdges(band, contrasting, mixed | self._thin_things(accuracy), max_weight, left_out)
 
     def _at_edges(self, accuracy: Accuracy) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return three masks (H, W) of the source: pixels beside steps in depth, those of them whose colour is mixed, and
-        those at edges of high contrast, as `SourceEdges` says."""
+        """Return three masks (H, W) of the source: pixels beside steps in depth, those of them whose colour is mixed,
+        and those at edges of high contrast, as `SourceEdges` says."""
         blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
         steps = in_focus(self.steps, blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
@@ -127,8 +127,8 @@ class HoleClassifier:
         )
 
     def _of_columns(self, columns: NDArray[np.intp]) -> HoleClassifier:
-        """Return the classifier of some columns of the source, whose indices are given, for what neighbours in the source
-        tell alone."""
+        """Return the classifier of some columns of the source, whose indices are given, for what neighbours in the
+        source tell alone."""
         source = self.source.of_columns(columns)
         steps = disparity_steps(disparity_of(source.depth, source.camera, self.target.camera))
         return replace(self, source=source, steps=steps)
