@@ -1,4 +1,4 @@
-"""What panels show of pairs that are made for headsets."""
+"""The panel of pairs that are made for headsets, and what another panel says of such pairs."""
 
 from __future__ import annotations
 
