@@ -32,7 +32,7 @@ class STEREO_REPROJECT_OT_measure_depth(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether the scene has a camera for stereo."""
         try:
-            check_screen(context.scene.camera)
+            check_screen(context.scene)
         except BadInputError as error:
             cls.poll_message_set(sentence(shown(error)))
             return False
@@ -54,7 +54,7 @@ def measure(context: bpy.types.Context) -> KnownDepth:
     where nothing is in front of the camera.
     """
     scene = context.scene
-    check_screen(scene.camera)
+    check_screen(scene)
     (near, far), edges = measure_depth(scene, context.evaluated_depsgraph_get())
     result_of(scene).depth = known = KnownDepth(near, far, scene.frame_current, edges, camera_state(scene))
     return known

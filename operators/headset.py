@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..stereo_reproject.blender.scene.panoramas import is_panorama
+from ..stereo_reproject.blender.scene.panoramas import has_no_screen, is_panorama
 from ..stereo_reproject.blender.scene.vr_cameras import check_vr
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.settings.frame import PANORAMAS, SceneOverrides
@@ -41,6 +41,15 @@ def asked_panorama(scene: bpy.types.Scene) -> str | None:
     """Return the panorama that the panel asks for, by its name in `SceneOverrides`; None for the camera's own view."""
     chosen = scene.stereo_reproject.headset
     return None if chosen == FLAT or is_panorama(scene.camera) else chosen
+
+
+def is_for_headset(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene's pair is for a headset and not for a screen: by its camera, or because the panel asks
+    for a panorama."""
+    camera = scene.camera
+    if asked_panorama(scene) is not None:
+        return True
+    return camera is not None and camera.type == "CAMERA" and has_no_screen(camera.data)
 
 
 def panorama_size(scene: bpy.types.Scene, panorama: str) -> tuple[int, int]:

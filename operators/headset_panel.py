@@ -1,16 +1,25 @@
-"""The panel of pairs that are made for headsets."""
+"""The panel of pairs that are made for headsets, and what another panel says of such pairs."""
 
 from __future__ import annotations
+
+import math
 
 import bpy
 
 from ..stereo_reproject.blender.scene.panoramas import is_panorama
+from ..stereo_reproject.views.comfort import MAX_VERGENCE_DEGREES, turned_apart_degrees
 from ..stereo_reproject.words import Words
 from .drawing import paragraph
 from .fitting import draw_setting
 from .headset import FLAT, panorama_size
+from .lengths import length_words
 
 PANORAMA_ALREADY = "The camera is a panorama already: its own lens and the resolution in Output count."
+
+NO_SCREEN = (
+    "In a headset there is no screen. Nothing should be nearer to the camera than its interocular distance, {length}."
+)
+TURNED_APART = "Eyes turn apart by {degrees}° to look at what is far away: set the mode to Parallel."
 
 
 class Headset:
@@ -33,3 +42,14 @@ class Headset:
         elif chosen.headset != FLAT:
             width, height = panorama_size(scene, chosen.headset)
             paragraph(layout, context, Words("{width} x {height} pixels for each eye.", width=width, height=height))
+
+
+def draw_comfort(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what a viewer with a headset needs of the camera's stereo settings, in place of what is about a screen."""
+    scene = context.scene
+    stereo = scene.camera.data.stereo
+    paragraph(layout, context, Words(NO_SCREEN, length=length_words(scene, stereo.interocular_distance)), icon="INFO")
+    parallel = stereo.convergence_mode == "PARALLEL"
+    apart = turned_apart_degrees(stereo.interocular_distance, math.inf if parallel else stereo.convergence_distance)
+    if apart > MAX_VERGENCE_DEGREES:
+        paragraph(layout, context, Words(TURNED_APART, degrees=f"{apart:.1f}"), icon="ERROR")

@@ -14,8 +14,8 @@ from .depth_panel import draw_depth
 from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .fitting import draw_setting, fits
-from .headset import panorama_obstacle
-from .headset_panel import Headset
+from .headset import is_for_headset, panorama_obstacle
+from .headset_panel import Headset, draw_comfort
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import gain_words, is_current
 from .preferences import EXTENSION
@@ -124,6 +124,9 @@ class _Camera:
         sub.active = stereo.convergence_mode != "PARALLEL"
         draw_setting(sub, context, stereo, "convergence_distance", text="Convergence")
         draw_setting(column, context, stereo, "pivot")
+        if is_for_headset(scene):
+            draw_comfort(layout, context)
+            return
         column = layout.column(align=True)
         column.label(text="Set Convergence to:")
         row = column.row(align=True) if fits(context, "Active Object", 0.5) else column

@@ -15,6 +15,7 @@ from ..stereo_reproject.views.camera import Camera
 from ..stereo_reproject.views.comfort import Viewing
 from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
 from ..stereo_reproject.words import Words
+from .headset import is_for_headset
 from .results import result_of
 from .text import reported, sentence, shown
 
@@ -37,19 +38,18 @@ def check_editable(scene: bpy.types.Scene) -> bpy.types.Object:
     """Return the scene's camera if it is one for stereo with a screen, whose settings can be edited here. Raises
     BadInputError.
     """
-    camera = check_screen(scene.camera)
+    camera = check_screen(scene)
     if camera.data.library is not None:
         raise BadInputError("the camera is linked from another file: set it there")
     return camera
 
 
-def check_screen(camera: bpy.types.Object | None) -> bpy.types.Object:
-    """Return a camera if its pair is seen on a screen. Raises BadInputError; also for panoramas, whose eyes look in
-    every direction alike.
+def check_screen(scene: bpy.types.Scene) -> bpy.types.Object:
+    """Return the scene's camera if its pair is seen on a screen. Raises BadInputError; also for panoramas, whose eyes
+    look in every direction alike, and where the panel asks for one.
     """
-    checked = check_camera(camera)
-    data = checked.data
-    if data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo):
+    checked = check_camera(scene.camera)
+    if is_for_headset(scene):
         raise BadInputError("a panorama has no screen: its eyes converge at the same distance all around")
     return checked
 
@@ -133,7 +133,7 @@ def eyes_of(scene: bpy.types.Scene) -> tuple[Camera, Camera, int] | None:
     where the scene has no camera for stereo.
     """
     try:
-        eyes = stereo_cameras(check_screen(scene.camera), scene.render)
+        eyes = stereo_cameras(check_screen(scene), scene.render)
     except BadInputError:
         return None
     return eyes["left"], eyes["right"], frame_region(scene.render).full_width

@@ -82,7 +82,7 @@ class Bias:
     def reached(self) -> NDArray[np.bool_]:
         """Pixels (H, W) of the tiles that have a correction and of those around them: nothing else is corrected."""
         corrected = self.probes.on_grid(self.added.any(axis=-1), False)
-        return self.probes.over_pixels(dilate(corrected, 1)[self.probes.tiles], False)
+        return self.probes.over_pixels(dilate(corrected, 1, wraps=self.probes.wraps)[self.probes.tiles], False)
 
     def correct(
         self,
@@ -120,7 +120,8 @@ class Bias:
         total, weights = np.zeros((rows.size, 3)), np.zeros(rows.size)
         for down in (0, 1):
             for right in (0, 1):
-                y, x = np.clip(top + down, 0, height - 1), np.clip(left + right, 0, width - 1)
+                y, x = np.clip(top + down, 0, height - 1), left + right
+                x = x % width if self.probes.wraps else np.clip(x, 0, width - 1)
                 tile = numbers[y, x]
                 weight = np.abs(1 - down - (place_y - top)) * np.abs(1 - right - (place_x - left))
                 weight *= (tile >= 0) & (self.shown[tile] == own)
@@ -187,7 +188,8 @@ class _Neighbours:
     def sum(self, values: NDArray, reach: int) -> NDArray[np.float64]:
         """Return for each tile the sum (N, ...) of values (N, ...) over `reach` tiles each way that show its material,
         its own included."""
-        grid, shown = self._probes.on_grid(values, 0.0), self._shown
+        probes = self._probes
+        grid, shown = (probes.with_sides(tiles, reach) for tiles in (probes.on_grid(values, 0.0), self._shown))
         total = np.zeros_like(grid, np.float64)
         height, width = shown.shape
         far_down, far_right = min(reach, height - 1), min(reach, width - 1)
@@ -197,7 +199,8 @@ class _Neighbours:
                 there = np.s_[max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)]
                 same = shown[here] == shown[there]
                 total[here] += grid[there] * same.reshape(*same.shape, *(1,) * (grid.ndim - 2))
-        return total[self._probes.tiles]
+        rows, columns = probes.tiles
+        return total[rows, columns + probes.side_tiles(reach)]
 
 
 def _smaller(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,6 @@ from ..images.effects_pass import differ_in_reflected_light, effects_of
 from ..images.metrics import COLOUR_CHANNELS, tone, untone
 from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes
 from ..images.reflected_light import MAX_TONE
-from ..settings.accuracy import Accuracy
 from .denoised import DenoisedEstimator
 from .evidence import ProbeTraces, TileEvidence
 from .noisy import NoisyEstimator
@@ -40,20 +39,16 @@ class Estimator(Protocol):
 
 
 def estimator_of(
-    reprojection: WarpedHoles, accuracy: Accuracy, denoising: Denoising | None, *, probed: bool
+    reprojection: WarpedHoles, warped: NDArray[np.bool_], denoising: Denoising | None, *, wraps: bool = False
 ) -> Estimator | None:
-    """Return the estimator for a warped view, or None where nothing is to be measured.
-
-    Nothing is where the accuracy promises nothing, where every pixel is a hole, and where nothing that is seen can
-    break the promise (`probed` is False). denoising is None for a picture that stays noisy.
-    """
-    holes = reprojection.reasons > 0
-    if accuracy.promise is None or not probed or holes.all():
+    """Return the estimator for a warped view, by its pixels that are warped (H, W); None where none is. denoising is
+    None for a picture that stays noisy. wraps: True where the picture goes on at its left beyond its right side."""
+    if not warped.any():
         return None
     passes = reprojection.passes
     if denoising is None:
-        return NoisyEstimator(contrast_of(passes[COLOUR_PASS], ~holes), reprojection.sampled)
-    return DenoisedEstimator(contrast_of(light_that_differs(passes), ~holes), denoising)
+        return NoisyEstimator(contrast_of(passes[COLOUR_PASS], warped, wraps=wraps), reprojection.sampled)
+    return DenoisedEstimator(contrast_of(light_that_differs(passes), warped, wraps=wraps), denoising)
 
 
 def light_that_differs(passes: Passes) -> NDArray[np.float32]:

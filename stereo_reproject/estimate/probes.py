@@ -22,7 +22,8 @@ class Probes:
 
     rows, columns (N,) are their pixels, row by row. weight (N,) is the summed weight of the warped pixels in each
     probe's tile, for all of which it stands: their number, where all pixels count alike. shape is that of the picture,
-    (H, W). of_pixels is the weight of its pixels (`views.solid_angle`).
+    (H, W). of_pixels is the weight of its pixels (`views.solid_angle`). wraps: True where the picture goes on at its
+    left beyond its right side, and so do the neighbours of tiles.
     """
 
     rows: NDArray[np.intp]
@@ -31,6 +32,7 @@ class Probes:
     spacing: int
     shape: tuple[int, int]
     of_pixels: PixelWeight = 1.0
+    wraps: bool = False
 
     @property
     def frame_weight(self) -> float:
@@ -81,8 +83,20 @@ class Probes:
     def neighbour_sum(self, values: NDArray, reach: int = 2, *, elsewhere: float = 0.0) -> NDArray[np.float64]:
         """Return for each probe the sum (N,) of values (N,) over the probes within `reach` tiles each way, without its
         own; a tile of the picture without a probe counts as `elsewhere`."""
-        grid = self.on_grid(values, elsewhere)
-        return box_sum(grid, (reach, reach))[self.tiles] - values
+        grid = self.with_sides(self.on_grid(values, elsewhere), reach)
+        rows, columns = self.tiles
+        return box_sum(grid, (reach, reach))[rows, columns + self.side_tiles(reach)] - values
+
+    def side_tiles(self, reach: int) -> int:
+        """Return how many columns of tiles within `reach` columns of the picture's side stand beyond it, at its other
+        side; 0 where the picture ends there. No tile is within reach of both sides of another one."""
+        return min(reach, (self.tile_grid[1] - 1) // 2) if self.wraps else 0
+
+    def with_sides(self, grid: NDArray, reach: int) -> NDArray:
+        """Return a grid of tiles (R, C, ...) with the columns that stand beyond either side, (R, C + 2 side_tiles,
+        ...)."""
+        beyond = self.side_tiles(reach)
+        return np.pad(grid, ((0, 0), (beyond, beyond), *((0, 0),) * (grid.ndim - 2)), mode="wrap") if beyond else grid
 
     def neighbourhood_mean(self, values: NDArray) -> NDArray[np.float64]:
         """Return for each probe the mean (N,) of values (N,) over the probes within 2 tiles each way, its own
@@ -109,9 +123,10 @@ def place_random_probes(
     seed: int,
     contrast: Contrast | None = None,
     weight: PixelWeight = 1.0,
+    wraps: bool = False,
 ) -> Probes:
     """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W) in it; none for a tile
-    without any. The seed is that of the places, weight that of the picture's pixels.
+    without any. The seed is that of the places, weight that of the picture's pixels; wraps is as in `Probes`.
 
     With contrast, a share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to
     the contrast's signal and the pixels' weight, where an error would show; without, all pixels have the same chance.
@@ -142,7 +157,7 @@ def place_random_probes(
     rows, columns = _first_of_tiles(warped, rank, spacing)
     # A probe stands for one over the chance with which its pixel was drawn.
     stands_for = np.broadcast_to(weight, warped.shape)[rows, columns] / chance(rows, columns)
-    return Probes(rows, columns, stands_for, spacing, (warped.shape[0], warped.shape[1]), weight)
+    return Probes(rows, columns, stands_for, spacing, (warped.shape[0], warped.shape[1]), weight, wraps)
 
 
 def _first_of_tiles(

@@ -24,6 +24,9 @@ class Provenance(IntFlag):
     """Pixel of a tile that probes asked to be traced, the tile's own probe included."""
     REFERENCE = 8
     """Traced only to be compared with the warped colour, which the pixel keeps."""
+    NOTHING = 16
+    """Shows nothing: it lies beyond the edge of a lens, where no ray is shot. It is not traced for that, nor does it
+    count as warped."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +43,13 @@ class Target:
     provenance: NDArray[np.uint8]
 
     @classmethod
-    def of_warp(cls, view: str, passes: Passes, reasons: NDArray[np.uint16]) -> Target:
+    def of_warp(
+        cls, view: str, passes: Passes, reasons: NDArray[np.uint16], shown: NDArray[np.bool_] | None = None
+    ) -> Target:
         """Return a target of warped passes (H, W, C), which it takes over; each pixel that has any `Reason` flag (H, W)
-        is a hole."""
-        return cls(view, passes, np.where(reasons > 0, np.uint8(Provenance.HOLE), np.uint8(0)))
+        is a hole. Others that are not set in `shown` (H, W) show nothing; None where all show something."""
+        others = np.uint8(0) if shown is None else np.where(shown, np.uint8(0), np.uint8(Provenance.NOTHING))
+        return cls(view, passes, np.where(reasons > 0, np.uint8(Provenance.HOLE), others))
 
     @property
     def colour(self) -> NDArray[np.float32]:
@@ -52,13 +58,13 @@ class Target:
 
     @property
     def warped(self) -> NDArray[np.bool_]:
-        """Pixels (H, W) that come from the warp alone: they were not traced and are no holes."""
+        """Pixels (H, W) that come from the warp alone and show something: they were not traced and are no holes."""
         return self.provenance == 0
 
     @property
     def traced(self) -> NDArray[np.bool_]:
         """Pixels (H, W) that were traced, or are holes and still to be traced."""
-        return self.provenance != 0
+        return (self.provenance & ~np.uint8(Provenance.NOTHING)) > 0
 
     @property
     def keeps_warped_colour(self) -> NDArray[np.bool_]:
@@ -74,7 +80,7 @@ class Target:
         A pixel that comes from the warp has the share that is given for it, `warped` (H, W), and a traced one has 1. A
         probe has 0.5 where its pixel is the mean of its two traces in the end (averages_probes), and else 1.
         """
-        share = np.where(self.warped, warped, np.float32(1.0))
+        share = np.where(self.traced, np.float32(1.0), warped)
         if averages_probes:
             share[self.any_of(Provenance.PROBE)] = 0.5
         return share

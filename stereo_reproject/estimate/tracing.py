@@ -20,7 +20,7 @@ from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice
 from ..trace.planner import FillPlanner
 from ..trace.requests import TraceCall, Tracer, TraceRequest, TraceSteps, run_alone
-from ..views.solid_angle import PixelWeight
+from ..views.solid_angle import PixelWeight, shown_pixels
 from .estimator import Estimator, estimator_of
 from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, with_refined
 from .expected_excess import local_noise
@@ -59,7 +59,8 @@ class WarpedTarget:
     methods. accuracy is that of the frame; denoising is None where the picture stays noisy. needs_probes: whether
     something may look different from each view, so that a promise must be measured. seed is that of the scene.
     light_scale is the number by which the light of the reprojection was multiplied, and by which traced light is to be:
-    see `images/seen_light`. pixel_weight is that of the target's pixels (`views.solid_angle`).
+    see `images/seen_light`. pixel_weight is that of the target's pixels (`views.solid_angle`); wraps is True where the
+    target goes on at its left beyond its right side.
     """
 
     view: str
@@ -71,6 +72,7 @@ class WarpedTarget:
     seed: int
     light_scale: float = 1.0
     pixel_weight: PixelWeight = 1.0
+    wraps: bool = False
 
     @property
     def variance_share(self) -> NDArray[np.float32]:
@@ -136,17 +138,24 @@ class ProbedTracing:
         self.warped = warped
         self._uncorrected: NDArray[np.float32] | None = None
         self._variance_share = warped.variance_share
-        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
+        shown = shown_pixels(warped.pixel_weight)
+        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons, shown)
         self._promise = np.inf if accuracy.promise is None else accuracy.promise
         self._evidence: TileEvidence | None = None
         self._pilot: TileEvidence | None = None
 
     @cached_property
     def _estimator(self) -> Estimator | None:
-        """Estimator that reads the probes; None without any. It is made when first asked for, before anything is
-        traced: when the warp's own arrays are let go."""
+        """Estimator that reads the probes. It is made when first asked for, before anything is traced: when the warp's
+        own arrays are let go.
+
+        It is None where nothing is to be measured: where the accuracy promises nothing, where nothing is warped, and
+        where nothing that is seen can break the promise.
+        """
         warped = self.warped
-        return estimator_of(warped.reprojection, self._accuracy, warped.denoising, probed=warped.needs_probes)
+        if self._accuracy.promise is None or not warped.needs_probes:
+            return None
+        return estimator_of(warped.reprojection, self.target.warped, warped.denoising, wraps=warped.wraps)
 
     @property
     def _holes(self) -> NDArray[np.bool_]:
@@ -220,7 +229,8 @@ class ProbedTracing:
             return self._unrefined()
         accuracy = self._accuracy
         chosen, by_own = tiles_to_trace(evidence, self._promise, accuracy.tile_limit, unseen=accuracy.unseen)
-        pixels = evidence.probes.pixels_of(chosen) & ~self.target.traced
+        tiles = evidence.probes.pixels_of(chosen) & ~self.target.any_of(Provenance.NOTHING)
+        pixels = tiles & ~self.target.traced
         if not pixels.any():
             return Refinement(pixels, estimate=estimate(evidence), evidence=evidence)
         fill = self._planner.plan(float(np.mean(pixels)))
@@ -231,7 +241,7 @@ class ProbedTracing:
             return Refinement(pixels, fill, as_rendered(evidence), evidence, whole=True)
         noise, warped = local_noise(evidence), self.target.colour[pixels]
         yield from self._trace(fill.method, pixels)
-        self._flag_refined(evidence.probes.pixels_of(chosen))
+        self._flag_refined(tiles)
         done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], by_own, self._variance_share)
         evidence = with_refined(evidence, done, noise)
         return Refinement(pixels, fill, estimate(evidence), evidence)
@@ -276,6 +286,7 @@ class ProbedTracing:
             seed=seed,
             contrast=estimator.contrast,
             weight=self.warped.pixel_weight,
+            wraps=self.warped.wraps,
         )
         pixels = holes | probes.mask
         traced = yield from self._traced(method, TraceRequest(self.target.view, pixels, probes.mask))

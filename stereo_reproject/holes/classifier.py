@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..images.lookup import lookup_without, touches
 from ..images.masks import box_around, dilate, opened
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, filtered
 from ..images.reasons import Reason
+from ..images.sides import mend_sides
 from ..settings.accuracy import Accuracy
 from ..views.camera import Camera, PerspectiveCamera, see_the_same
 from ..views.frustum import Lens, covered_by
@@ -105,6 +106,15 @@ class HoleClassifier:
     def source_edges(self, accuracy: Accuracy) -> SourceEdges:
         """Return the source's pixels at edges by this accuracy. With a colour_tolerance of 0 no lookup leaves any
         out."""
+        band, mixed, contrasting = found = self._at_edges(accuracy)
+        mend_sides(found, lambda columns: self._of_columns(columns)._at_edges(accuracy), wraps=self.source.wraps)
+        left_out = accuracy.colour_tolerance > 0.0
+        max_weight = TUNING.max_left_out_weight if left_out else TUNING.max_flagged_weight
+        return SourceEdges(band, contrasting, mixed | self._thin_things(accuracy), max_weight, left_out)
+
+    def _at_edges(self, accuracy: Accuracy) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return three masks (H, W) of the source: pixels beside steps in depth, those of them whose colour is mixed,
+        and those at edges of high contrast, as `SourceEdges` says."""
         blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
         steps = in_focus(self.steps, blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
@@ -113,12 +123,16 @@ class HoleClassifier:
         if self.source.invalid is not None:
             unknown |= self.source.invalid
         colour = self.source.passes[COLOUR_PASS]
-        mixed, contrasting = mixed_and_contrasting(
+        return band, *mixed_and_contrasting(
             band, disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown
         )
-        left_out = accuracy.colour_tolerance > 0.0
-        max_weight = TUNING.max_left_out_weight if left_out else TUNING.max_flagged_weight
-        return SourceEdges(band, contrasting, mixed | self._thin_things(accuracy), max_weight, left_out)
+
+    def _of_columns(self, columns: NDArray[np.intp]) -> HoleClassifier:
+        """Return the classifier of some columns of the source, whose indices are given, for what neighbours in the
+        source tell alone."""
+        source = self.source.of_columns(columns)
+        steps = disparity_steps(disparity_of(source.depth, source.camera, self.target.camera))
+        return replace(self, source=source, steps=steps)
 
     def without_unusable(self, warped: WarpedView, edges: SourceEdges) -> WarpedView:
         """Return the warped view with the pixels looked up anew whose lookup takes some of its weight, but no more than
@@ -135,7 +149,7 @@ class HoleClassifier:
         reached, wraps = edges.unusable, self.source.wraps
         if self.cubic:
             reached = dilate(edges.unusable | edges.contrasting, 1, wraps=wraps)
-        pixels = touches(reached, x, y, share=TUNING.max_flagged_weight, wraps=wraps) & ~_within_fur(warped)
+        pixels = touches(reached, x, y, share=TUNING.max_flagged_weight, wraps=wraps) & ~_within_fur(warped, wraps)
         at = x[None, pixels], y[None, pixels]
         pixels[pixels] = ~touches(edges.unusable, *at, share=edges.max_weight, wraps=wraps)[0]
         if not pixels.any():
@@ -156,12 +170,16 @@ class HoleClassifier:
         reasons[(reasons == 0) & hidden] = Reason.DISOCCLUDED.bit
         answered = reasons == 0
         target = _TargetEdges(self, warped, accuracy)
-        silhouettes = target.silhouettes(reasons, edges) | touches(
-            edges.unusable, warp.x, warp.y, share=edges.max_weight, wraps=wraps
+        silhouettes = target.silhouettes(edges)
+        mend_sides(
+            [silhouettes],
+            lambda columns: [_TargetEdges(self, warped.of_columns(columns), accuracy).silhouettes(edges)],
+            wraps=wraps,
         )
+        silhouettes |= touches(edges.unusable, warp.x, warp.y, share=edges.max_weight, wraps=wraps)
         silhouettes |= self._sub_pixel_features(warp, edges.unusable, accuracy)
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
-            silhouettes &= ~_within_fur(warped)
+            silhouettes &= ~_within_fur(warped, wraps)
         reasons[answered & silhouettes] |= Reason.SILHOUETTE.bit
         if accuracy.promise is not None:
             fine = fine_detail(self.source, warped, answered & ~silhouettes, accuracy)
@@ -185,11 +203,15 @@ class HoleClassifier:
         The grid draws next to nothing of such things. Only those count whose pixels are set in `unusable` (H, W), as
         `SourceEdges` has it.
         """
-        depth = self.source.depth
+        depth, wraps, alone = self.source.depth, self.source.wraps, self._alone()
+        mend_sides([alone], lambda columns: [self._of_columns(columns)._alone()], wraps=wraps)
+        landed = target_pixels(alone & unusable, depth, self.source.camera, self.target.camera, warp)
+        return dilate(landed, accuracy.silhouette_radius, wraps=wraps)
+
+    def _alone(self) -> NDArray[np.bool_]:
+        """Return (H, W) the source's pixels of wires and other things about as thin as a pixel."""
         cut_right, cut_down = self.steps.torn()
-        alone = sub_pixel_features(depth, cut_right=cut_right, cut_down=cut_down)
-        landed = target_pixels(isolated(alone) & unusable, depth, self.source.camera, self.target.camera, warp)
-        return dilate(landed, accuracy.silhouette_radius)
+        return isolated(sub_pixel_features(self.source.depth, cut_right=cut_right, cut_down=cut_down))
 
     def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
         """Return (H, W) source pixels in which something thin stands before the surface that their depth tells of.
@@ -226,14 +248,17 @@ def _strands(passes: Passes) -> NDArray[np.bool_]:
     return shows(passes, Effect.HAIR)
 
 
-def _within_fur(warped: WarpedView) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels that show hair and around which everything that was warped is hair too.
+def _within_fur(warped: WarpedView, wraps: bool) -> NDArray[np.bool_]:
+    """Return (H, W) target pixels that show hair and around which everything that was warped is hair too. A view that
+    wraps goes on at its left beyond its right side.
 
     There every pixel has an edge beside it, and most have hair of the same look on both sides. So they are not traced
     as silhouettes, and probes find those that are wrong.
     """
     strands = _strands(warped.passes)
-    return strands & ~dilate(warped.warp.covered & ~strands, TUNING.fur_pixels) if strands.any() else strands
+    if not strands.any():
+        return strands
+    return strands & ~dilate(warped.warp.covered & ~strands, TUNING.fur_pixels, wraps=wraps)
 
 
 class _TargetEdges:
@@ -244,7 +269,8 @@ class _TargetEdges:
 
     def __init__(self, classifier: HoleClassifier, warped: WarpedView, accuracy: Accuracy) -> None:
         self._accuracy = accuracy
-        self._passes, self._warp, self._wraps = warped.passes, warped.warp, classifier.source.wraps
+        self._passes, self._warp, self._empty = warped.passes, warped.warp, warped.empty
+        self._wraps = classifier.source.wraps
         source, target = classifier.source.camera, classifier.target.camera
         self._lens, self._is_perspective = classifier.optics.lens, isinstance(target, PerspectiveCamera)
         self._disparity = disparity_of_nearness(warped.warp.nearness, target, source)
@@ -257,7 +283,7 @@ class _TargetEdges:
         # Of a picture that is sharp all over, the steps tell nothing more.
         self._steps = steps if self._lens.aperture else None
 
-    def silhouettes(self, empty: NDArray[np.uint16], edges: SourceEdges) -> NDArray[np.bool_]:
+    def silhouettes(self, edges: SourceEdges) -> NDArray[np.bool_]:
         """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
         Where a lookup takes min_band_weight (a quarter) of its weight from the band of the source, the target shows an
@@ -265,10 +291,10 @@ class _TargetEdges:
         pixel, and so counts where its contrast is high. Beside other pixels stands something that does not in the
         source: there the sides are compared. Pixels right beside disoccluded ones are set where fragments of surfaces
         lie between those, as their depth is noise. With a colour_tolerance of 0 all pixels at edges are set, and all
-        beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
+        beside a disoccluded one.
         """
         band, accuracy = self._band, self._accuracy
-        disoccluded = (empty & Reason.DISOCCLUDED.bit) > 0
+        disoccluded = (self._empty & Reason.DISOCCLUDED.bit) > 0
         ring = dilate(disoccluded, accuracy.silhouette_radius)
         if accuracy.colour_tolerance <= 0.0:
             return band | ring

@@ -9,7 +9,8 @@ from ..images.contrast import box_sum
 from ..images.lookup import lookup
 from ..images.metrics import COLOUR_CHANNELS, judged_channel, judged_channels, untone
 from ..images.passes import COLOUR_PASS, NOISY_PASS
-from ..images.sharpness import Sharpness, sharpness_of
+from ..images.sharpness import Sharpness, pixel_noise, sharpness_of
+from ..images.sides import mend_sides
 from ..settings.accuracy import Accuracy
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
@@ -24,6 +25,19 @@ def fine_detail(
     warped is the target as the source shows it. kept (H, W) are the pixels that nothing else has traced: in a denoised
     picture detail counts only among them, and alpha apart from the colour, because no denoiser takes its noise away.
     """
+    result = _lost_detail(source, warped, kept, accuracy)
+
+    def of_columns(columns: NDArray[np.intp]) -> list[NDArray[np.bool_]]:
+        return [_lost_detail(source, warped.of_columns(columns), kept[:, columns], accuracy)]
+
+    mend_sides([result], of_columns, wraps=source.wraps)
+    return result
+
+
+def _lost_detail(
+    source: RenderedView, warped: WarpedView, kept: NDArray[np.bool_], accuracy: Accuracy
+) -> NDArray[np.bool_]:
+    """Return what `fine_detail` does for a target that ends at its sides."""
     result = np.zeros(kept.shape, bool)
     if warped.sharpness is not None:
         result |= _blurred(warped.sharpness, accuracy)
@@ -48,7 +62,8 @@ def _sharpness_of_alpha(source: RenderedView, warped: WarpedView, kept: NDArray[
     x, y = (np.where(kept, at, np.float32(np.nan)) for at in (warped.warp.x, warped.warp.y))
     alpha = judged_channel(source.passes[COLOUR_PASS], COLOUR_CHANNELS)[..., None]
     linear, cubic = (lookup(alpha, x, y, interpolation=kernel, wraps=source.wraps) for kernel in ("linear", "cubic"))
-    return sharpness_of(_as_light(alpha), _as_light(linear), _as_light(cubic), x, y)
+    noise = pixel_noise(_as_light(alpha), wraps=source.wraps)
+    return sharpness_of(noise, _as_light(linear), _as_light(cubic), x, y)
 
 
 def _as_light(alpha: NDArray[np.float32]) -> NDArray[np.float32]:

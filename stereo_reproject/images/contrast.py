@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .bands import bands
 from .metrics import COLOUR_CHANNELS, judged_channel, judged_channels
+from .sides import mend_sides
 from .tuning import TUNING
 
 
@@ -31,8 +32,9 @@ class Contrast:
     noise: NDArray[np.float32]
 
 
-def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
-    """Return the contrast of a scene-linear colour (H, W, >= 3); only the pixels set in known (H, W) count.
+def contrast_of(colour: NDArray, known: NDArray[np.bool_], *, wraps: bool = False) -> Contrast:
+    """Return the contrast of a scene-linear colour (H, W, >= 3); only the pixels set in known (H, W) count. One that
+    wraps goes on at its left beyond its right side.
 
     noise is measured as the variance of pixels around the mean of their 3 x 3 neighbours. signal is the variance of
     these means in a wider window, less the noise that they still have; it is 0 where a pixel is not known.
@@ -54,6 +56,12 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
         noise[rows] = of_noise * np.float32(pixels / (pixels - 1.0) / COLOUR_CHANNELS)
         variance = (of_square - mean_squared[rows]) / np.float32(COLOUR_CHANNELS)
         signal[rows] = np.maximum(variance - noise[rows] / np.float32(pixels), 0.0) * known[rows]
+
+    def of_columns(columns: NDArray[np.intp]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        strip = contrast_of(colour[:, columns], known[:, columns])
+        return strip.signal, strip.noise
+
+    mend_sides((signal, noise), of_columns, wraps=wraps)
     return Contrast(signal, noise)
 
 

@@ -21,6 +21,7 @@ from .bands import bands
 from .contrast import box_sums
 from .lookup import lookup, variance_share, weight_product
 from .metrics import squared_error, tone
+from .sides import mend_sides
 from .tuning import TUNING
 
 
@@ -38,21 +39,28 @@ class Sharpness:
     lost: NDArray[np.float32]
     noise: NDArray[np.float32]
 
+    def of_columns(self, columns: NDArray[np.intp]) -> Sharpness:
+        """Return the sharpness of some columns of the picture, whose indices are given."""
+        return Sharpness(*(image[:, columns] for image in (self.cubic, self.lost, self.noise)))
+
 
 def sharpness_of(
-    colour: NDArray[np.float32],
+    source_noise: NDArray[np.float32],
     linear: NDArray[np.float32],
     cubic: NDArray[np.float32],
     x: NDArray[np.float32],
     y: NDArray[np.float32],
+    *,
+    wraps: bool = False,
 ) -> Sharpness:
     """Return the sharpness of a picture that was looked up at the positions x, y (h, w), in pixels.
 
-    colour (H, W, >= 3) is the scene-linear picture; linear and cubic (h, w, >= 3) are its values at these positions.
+    source_noise (H, W) is the `pixel_noise` of the picture; linear and cubic (h, w, >= 3) are its scene-linear colours
+    at these positions. wraps: True where what was looked up goes on at its left beyond its right side.
     Where a position is NaN nothing is lost, and the cubic share is 0, as it is where both lookups are equal all around.
     """
     known = ~(np.isnan(x) | np.isnan(y))
-    variance = lookup(pixel_noise(colour)[..., None], x, y, interpolation="nearest")[..., 0]
+    variance = lookup(source_noise[..., None], x, y, interpolation="nearest")[..., 0]
     # Variances of noise in the difference of both lookups, and how much less than in a linear lookup it is.
     of_difference, less_noise = (np.empty(known.shape, np.float32) for _ in range(2))
     beyond_noise = np.empty(known.shape)
@@ -79,12 +87,18 @@ def sharpness_of(
         share[rows] = np.where(known[rows] & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0)
     for rows, lost in lost_within(TUNING.detail_reach_px):
         near[rows] = np.where(known[rows], lost, 0.0)
+
+    def of_columns(columns: NDArray[np.intp]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        strip = sharpness_of(source_noise, *(image[:, columns] for image in (linear, cubic, x, y)))
+        return strip.cubic, strip.lost
+
+    mend_sides((share, near), of_columns, wraps=wraps)
     return Sharpness(share, near, variance)
 
 
-def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
+def pixel_noise(colour: NDArray[np.float32], *, wraps: bool = False) -> NDArray[np.float32]:
     """Return (H, W) the variance that noise gives a single pixel of a scene-linear colour (H, W, >= 3), after
-    `metrics.tone`, as the mean over a small window around it.
+    `metrics.tone`, as the mean over a small window around it. One that wraps goes on at its left beyond its right side.
 
     It is that of the second difference down of the second difference across (Immerkaer 1996, Fast Noise Variance
     Estimation), which is 0 for everything that is straight along either axis: of a picture's detail much less is taken
@@ -106,6 +120,7 @@ def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
     totals, counts = (box_sums(image.__getitem__, squared.shape, reach) for image in (squared, inner))
     for (rows, total), (_, count) in zip(totals, counts, strict=True):
         result[rows] = total / np.maximum(count, 1.0)
+    mend_sides([result], lambda columns: [pixel_noise(colour[:, columns])], wraps=wraps)
     return result
 
 

@@ -16,6 +16,7 @@ from ..images.passes import deepest
 from ..trace.costs import TraceCosts
 from ..trace.fill import check_fill
 from ..trace.planner import FillPlanner
+from ..views.camera import goes_round
 from ..views.solid_angle import pixel_weights
 from ..warp.options import WarpOptions
 from ..warp.stage import choose_warper, seconds_taken
@@ -81,6 +82,7 @@ def _target_of(task: FrameTask, source: Source, reprojection: Reprojection, *, s
         seed,
         source.light_scale,
         pixel_weights(task.target.camera),
+        goes_round(task.target.camera),
     )
 
 

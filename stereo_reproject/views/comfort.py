@@ -88,6 +88,16 @@ def conflict_dioptres(percent: float, viewing: Viewing) -> float:
     return percent / (viewing.eyes_percent * viewing.distance * viewing.screen_width)
 
 
+def turned_apart_degrees(interocular: float, convergence: float) -> float:
+    """Return by how many degrees the eyes of a viewer with a headset turn apart to look at what is endlessly far, in a
+    pair of spherical stereo. Both distances are in scene units; convergence is +inf for parallel eyes.
+
+    A headset shows each direction where it is. What is at the convergence distance is in the same direction for both
+    eyes, and so is seen endlessly far; what is farther has them turn apart, by 2 atan(e / 2c) at most.
+    """
+    return 2.0 * math.degrees(math.atan2(interocular, 2.0 * convergence))
+
+
 def comfort_limits(viewing: Viewing) -> Limits:
     """Return the parallax between which viewers look at a point with ease: eyes turn by no more than
     MAX_VERGENCE_DEGREES from the screen, and never apart.

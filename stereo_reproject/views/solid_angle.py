@@ -48,6 +48,12 @@ def pixel_weights(camera: Camera) -> PixelWeight:
     return np.broadcast_to(result, (camera.height, camera.width))
 
 
+def shown_pixels(weight: PixelWeight) -> NDArray[np.bool_] | None:
+    """Return the pixels (H, W) that show something, by their weights; None where all do."""
+    shown = np.asarray(weight) > LEAST_WEIGHT
+    return None if shown.all() else shown
+
+
 def largest_solid_angle(camera: PanoramicCamera) -> float:
     """Return the solid angle, in steradians, of the largest pixel among PLACES x PLACES of a panorama; 0 where they
     show nothing."""

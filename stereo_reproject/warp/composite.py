@@ -21,7 +21,7 @@ from ..images.passes import (
     is_essential,
     known_depth,
 )
-from ..images.sharpness import Sharpness, sharpness_of
+from ..images.sharpness import Sharpness, pixel_noise, sharpness_of
 from ..views.camera import Camera, goes_round, is_planar, target_from_source, target_px_from_source_px
 from ..views.view import View
 from .forward import Warp
@@ -73,7 +73,7 @@ def passes_seen(
     Depth, position and motion vectors are computed anew. SOURCE_ONLY_PASSES are left out.
     """
     warped: Passes = {}
-    look_up_light, sharpness = _light_lookup(source.passes, warp, look_up, options)
+    look_up_light, sharpness = _light_lookup(source, warp, look_up, options)
     for name, image in source.passes.items():
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
@@ -89,7 +89,7 @@ def passes_seen(
 
 
 def _light_lookup(
-    source: Passes, warp: Warp, look_up: LookUp, options: WarpOptions
+    source: RenderedView, warp: Warp, look_up: LookUp, options: WarpOptions
 ) -> tuple[Callable[[NDArray[np.float32]], NDArray[np.float32]], Sharpness | None]:
     """Return the adaptive lookup of a light pass (H, W, C), and its sharpness for the colour.
 
@@ -98,9 +98,9 @@ def _light_lookup(
     """
     if options.interpolation_of(COLOUR_PASS) != "adaptive":
         return lambda image: look_up(image, options.interpolation), None
-    colour = source[COLOUR_PASS]
+    colour, wraps = source.passes[COLOUR_PASS], source.wraps
     linear, cubic = look_up(colour, "linear"), look_up(colour, "cubic")
-    sharpness = sharpness_of(colour, linear, cubic, warp.x, warp.y)
+    sharpness = sharpness_of(pixel_noise(colour, wraps=wraps), linear, cubic, warp.x, warp.y, wraps=wraps)
 
     def mixture(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return (h, w, C) the mixture of a linear and a cubic lookup, which takes the place of the first."""

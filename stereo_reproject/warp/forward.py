@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
+from ..images.sides import mend_sides
 from ..views.camera import Camera
 from ..views.panorama import has_lens_edge, is_beyond_lens
+from .discontinuities import disparity_of, disparity_steps
 from .grid import Grid
 from .quads import draw_quads
 from .scanline import RowLaw, row_law_of, warp_rows
@@ -48,6 +50,11 @@ class Warp:
         index = np.uint8(0) if self.source_index is None else self.source_index
         return np.broadcast_to(index, self.nearness.shape)
 
+    def of_columns(self, columns: NDArray[np.intp]) -> Warp:
+        """Return the map of some columns of the target, whose indices are given."""
+        index = None if self.source_index is None else self.source_index[:, columns]
+        return Warp(self.x[:, columns], self.y[:, columns], self.nearness[:, columns], index)
+
 
 def forward_warp(
     depth: NDArray,
@@ -67,6 +74,8 @@ def forward_warp(
     torn = torn_quads(cut_right, cut_down, depth)
     disparity = row_law_of(source, target)
     if disparity is not None:
+        if disparity.wraps:
+            tear_sides(torn, depth, source, target)
         return _along_rows(depth, source, target, disparity, grid, torn)
     drawn = Warp(*draw_quads(depth, source, target, grid, torn))
     return _with_nothing(drawn, source, target) if has_lens_edge(source) and has_lens_edge(target) else drawn
@@ -111,6 +120,21 @@ def sub_pixel_features(
     padded = np.pad(torn, 1, constant_values=True)
     across, down = padded[1:-1, :-2] & padded[1:-1, 2:], padded[:-2, 1:-1] & padded[2:, 1:-1]
     return _all_four(torn | across | down) & ~np.isnan(depth)
+
+
+def tear_sides(torn: NDArray[np.bool_], depth: NDArray, source: Camera, target: Camera) -> None:
+    """Make the torn quads (H + 1, W + 1) of a picture of a whole turn, in place, those that there are across its sides
+    too: both of its outer columns are then the quads between its last and its first pixels.
+
+    depth (H, W) is the source's, as for `forward_warp`.
+    """
+
+    def of_columns(columns: NDArray[np.intp]) -> list[NDArray[np.bool_]]:
+        strip = depth[:, columns]
+        return [torn_quads(*disparity_steps(disparity_of(strip, source, target)).torn(), strip)[:, :-1]]
+
+    mend_sides([torn[:, :-1]], of_columns, wraps=True)
+    torn[:, -1] = torn[:, 0]
 
 
 def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,3 +43,10 @@ class RenderedView:
     def depth(self) -> NDArray[np.float32]:
         """The depth (H, W) in scene units, +inf for the sky, NaN where it is unknown."""
         return self.passes[DEPTH_PASS][..., 0]
+
+    def of_columns(self, columns: NDArray[np.intp]) -> RenderedView:
+        """Return the passes and masks of some columns, whose indices are given; the camera stays that of the whole
+        picture."""
+        invalid, traced = (None if mask is None else mask[:, columns] for mask in (self.invalid, self.traced))
+        passes = {name: image[:, columns] for name, image in self.passes.items()}
+        return replace(self, passes=passes, invalid=invalid, traced=traced)

@@ -145,16 +145,14 @@ def _warp_around(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return what `warp_rows` does for these rows of pictures that go on at their left beyond their right side.
 
-    depth (h, W) and torn (h, W + 1) are those of the rows; all cells are subdivided. The picture is drawn with as much
-    of its other end on either side as may move into it.
+    depth (h, W) and torn (h, W + 1) are those of the rows; all cells are subdivided. The first and the last column of
+    torn are both that between the last and the first pixels. The picture is drawn with as much of its other end on
+    either side as may move into it.
     """
     width, numbers = depth.shape[1], np.arange(rows.start, rows.stop)
     near = _near(source, depth)
     moved = disparity.moved(near, numbers)
     ahead = int(np.ceil(np.fmax.reduce(np.abs(moved), axis=None, initial=0.0))) + 1
-    with np.errstate(invalid="ignore"):
-        torn_seam = ~(np.abs(moved[:, 0] - moved[:, -1]) <= TUNING.tear_pixels)
-    torn = np.column_stack([torn[:, 0] | torn[:, -1] | torn_seam, torn[:, 1:-1]])
     columns = np.arange(-ahead, width + ahead)
     cells = -(-(columns.size + 1) // CELL_QUADS)
     segments = _RowSegments(np.zeros(cells, bool), columns.size, width, disparity, ahead)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,3 +31,14 @@ class WarpedView:
     steps: DepthDiscontinuities | None = None
     sharpness: Sharpness | None = None
     by: str = "numpy"
+
+    def of_columns(self, columns: NDArray[np.intp]) -> WarpedView:
+        """Return the view in some columns of the target, whose indices are given, without the source's steps."""
+        return replace(
+            self,
+            passes={name: image[:, columns] for name, image in self.passes.items()},
+            warp=self.warp.of_columns(columns),
+            empty=self.empty[:, columns],
+            steps=None,
+            sharpness=None if self.sharpness is None else self.sharpness.of_columns(columns),
+        )

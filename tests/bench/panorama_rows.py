@@ -22,7 +22,7 @@ from stereo_reproject.images.passes import DEPTH_PASS, known_depth
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.views.camera import Camera, disparity_per_nearness, target_px_from_source_px
 from stereo_reproject.warp.discontinuities import disparity_of, disparity_steps
-from stereo_reproject.warp.forward import torn_quads
+from stereo_reproject.warp.forward import tear_sides, torn_quads
 from stereo_reproject.warp.grid import build_grid
 from stereo_reproject.warp.quads import draw_quads
 from stereo_reproject.warp.scanline import row_law_of, warp_rows
@@ -49,6 +49,8 @@ def main() -> None:
     assert law is not None
     grid = build_grid(depth, source, target, threshold=GRID_THRESHOLD_ARC_MINUTES, most=TUNING.tear_pixels)
     torn = torn_quads(*disparity_steps(disparity_of(depth, source, target)).torn(), depth)
+    if law.wraps:
+        tear_sides(torn, depth, source, target)
     true, known = true_places(source, target, depths)
     ways: dict[str, Callable[[], NDArray[np.float32]]] = {
         "rows": lambda: warp_rows(depth, source, target.width, law, grid, torn)[0],

@@ -8,7 +8,7 @@ import pytest
 from stereo_reproject.estimate.bias import SourceNoise, _factor, bias_of
 from stereo_reproject.estimate.denoised import source_noise
 from stereo_reproject.estimate.evidence import ProbeTraces
-from stereo_reproject.estimate.probes import place_random_probes
+from stereo_reproject.estimate.probes import Probes, place_random_probes
 from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.metrics import squared_error, tone
@@ -234,3 +234,26 @@ def test_what_two_agree_on_is_the_smaller_of_both():
     one, other = np.array([[0.2, -0.2, 0.1]]), np.array([[0.1, -0.3, -0.1]])
     agreed = replace(bias, added=one, without_own=other).agreed(replace(bias, added=other, without_own=one))
     assert agreed.added.tolist() == agreed.without_own.tolist() == [[0.1, -0.2, 0.0]]
+
+
+@pytest.mark.parametrize("tiles", [1, 3, 20])
+def test_in_a_whole_turn_a_correction_does_not_depend_on_where_the_sides_are(tiles):
+    warped, size = Warped(0.05), (SIZE[0], SIZE[1] // SPACING * SPACING)
+    traces = np.zeros((*SIZE, 2, 4))
+    traces[warped.probes.mask] = np.stack(warped.traces(), axis=1)
+
+    def corrected_turned(by, *, wraps):
+        def turned(image):
+            return np.roll(image[:, : size[1]], by, axis=1)
+
+        rows, columns = np.nonzero(turned(warped.probes.mask))
+        probes = Probes(rows, columns, np.full(rows.size, float(SPACING**2)), SPACING, size, wraps=wraps)
+        noise = SourceNoise(np.zeros((rows.size, 3)), np.full(rows.size, 1e-3))
+        a, b = np.moveaxis(turned(traces)[probes.mask], 1, 0)
+        colour, shown, signal = (turned(image) for image in (warped.colour, warped.shown, contrast(warped.colour)))
+        bias = bias_of(probes, ProbeTraces(colour[probes.mask], a, b), signal, shown, noise=noise)
+        return np.roll(corrected(bias, colour, np.ones(size, bool), shown), -by, axis=1)
+
+    plain = corrected_turned(0, wraps=True)
+    np.testing.assert_allclose(corrected_turned(tiles * SPACING, wraps=True), plain, atol=1e-6)
+    assert np.abs(corrected_turned(tiles * SPACING, wraps=False) - plain).max() > 1e-3

@@ -568,3 +568,18 @@ def test_box_sum_is_the_sum_over_the_window():
     padded = np.pad(image, ((1, 1), (2, 2)))
     windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 5))
     np.testing.assert_allclose(box_sum(image, (1, 2)), windows.sum(axis=(2, 3)))
+
+
+@pytest.mark.parametrize("columns", [2, 5, 12])
+@pytest.mark.parametrize("reach", [1, 2])
+def test_in_a_whole_turn_tiles_at_the_sides_are_neighbours(columns, reach):
+    shape = 24, 8 * columns
+    probes = place_random_probes(np.ones(shape, bool), spacing=8, seed=1, wraps=True)
+    values = np.arange(probes.rows.size, dtype=float)
+    rows, own = probes.tiles
+    apart = np.abs(own[:, None] - own)
+    beside = np.minimum(apart, columns - apart) <= min(reach, (columns - 1) // 2)
+    if columns == 2:
+        beside = apart <= reach
+    around = (np.abs(rows[:, None] - rows) <= reach) & beside
+    np.testing.assert_allclose(probes.neighbour_sum(values, reach), around @ values - values)

@@ -13,6 +13,7 @@ from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS, for_size
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
+from stereo_reproject.views.solid_angle import LEAST_WEIGHT
 from tests.estimate.colours import opaque
 
 SIZE = (160, 240)
@@ -229,3 +230,24 @@ def test_parts_of_the_light_still_add_up_when_a_slow_error_is_taken_away():
     np.testing.assert_allclose(parts[warped], passes["Combined"][..., :3][warped], rtol=1e-5, atol=1e-6)
     for name in ("Diffuse Color", "Index"):
         assert np.array_equal(passes[name], frame.reprojection.passes[name]), name
+
+
+def test_beyond_the_edge_of_a_lens_nothing_is_probed_counted_or_traced():
+    """The picture's left half shows nothing. A tile at its edge has pixels on either side."""
+    frame = Frame(wrong=1.0)
+    shown = np.broadcast_to(np.arange(SIZE[1]) >= SIZE[1] // 2 + 3, SIZE)
+    weight = np.where(shown, np.float32(1.0), np.float32(LEAST_WEIGHT))
+    for image in (frame.truth, frame.reprojection.passes["Combined"]):
+        image[~shown] = 0.0
+    planner = FillPlanner("packed", COST, {})
+    warped = WarpedTarget("right", frame.handed_on(), planner, BALANCED, None, True, 1, pixel_weight=weight)
+    eye = ProbedTracing(frame, warped)
+    eye.fill()
+    evidence = eye.refine().evidence
+    holes = frame.reprojection.reasons > 0
+    assert evidence.probes.rows.size
+    assert shown[evidence.probes.rows, evidence.probes.columns].all()
+    assert evidence.pixels.sum() == np.count_nonzero(shown & ~holes)
+    assert eye.target.any_of(Provenance.REFINED).any()
+    assert not (eye.target.traced & ~shown).any()
+    assert (eye.target.colour[~shown] == 0.0).all()

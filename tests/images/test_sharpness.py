@@ -5,7 +5,7 @@ import pytest
 
 from stereo_reproject.images.lookup import lookup, weight_product
 from stereo_reproject.images.metrics import tone, untone
-from stereo_reproject.images.sharpness import mixed_variance_share, sharpness_of
+from stereo_reproject.images.sharpness import mixed_variance_share, pixel_noise, sharpness_of
 
 HEIGHT, WIDTH, SHIFT = 48, 96, 0.5
 NOISE = 0.05
@@ -28,7 +28,7 @@ def looked_up(scene, noise, seed=0):
     y, x = (place.astype(np.float32) for place in np.mgrid[0.5:HEIGHT, 0.5:WIDTH])
     x = x + np.float32(SHIFT)
     linear, cubic = (lookup(colour, x, y, interpolation=how) for how in ("linear", "cubic"))
-    share = sharpness_of(colour, linear, cubic, x, y).cubic
+    share = sharpness_of(pixel_noise(colour), linear, cubic, x, y).cubic
     mixture = linear + share[..., None] * (cubic - linear)
     inner = np.s_[:, 8:-8]
     errors = [np.mean((tone(each) - scene(columns + SHIFT))[inner] ** 2) for each in (linear, cubic, mixture)]
@@ -78,7 +78,7 @@ def test_a_position_that_is_not_known_has_no_share_and_spoils_no_other():
     x[20:24, 40:50] = np.nan
     colour = untone(waves(np.arange(WIDTH) + 0.5)).astype(np.float32)
     linear, cubic = (lookup(colour, x, y, interpolation=how) for how in ("linear", "cubic"))
-    share = sharpness_of(colour, linear, cubic, x, y).cubic
+    share = sharpness_of(pixel_noise(colour), linear, cubic, x, y).cubic
     assert (share[20:24, 40:50] == 0.0).all()
     assert share[24:30, 40:50].min() > 0.99
 

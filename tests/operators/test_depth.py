@@ -442,3 +442,15 @@ def test_a_panorama_has_no_screen(extension, scene, kind):
     assert parallax_now(scene) == []
     for name in ("measure_depth", "fit_to_comfort", "set_convergence"):
         assert not getattr(bpy.ops.stereo_reproject, name).poll()
+
+
+def test_a_pair_for_a_headset_has_none_either(extension, scene):
+    from stereo_reproject_extension.operators.stereo import parallax_now
+
+    bpy.ops.stereo_reproject.measure_depth()
+    scene.stereo_reproject.headset = "vr180"
+    assert parallax_now(scene) == []
+    for name in ("measure_depth", "fit_to_comfort", "set_convergence"):
+        assert not getattr(bpy.ops.stereo_reproject, name).poll()
+    scene.stereo_reproject.headset = "camera"
+    assert parallax_now(scene)

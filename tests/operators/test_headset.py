@@ -1,6 +1,7 @@
 """The panel's pairs for headsets: a perspective scene rendered as VR180 or 360°, and its camera as it was."""
 
 from dataclasses import asdict
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -9,6 +10,7 @@ from stereo_reproject.settings.frame import SceneOverrides
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, set_border
 from tests.delivery.movies import described, sphere, stereo
+from tests.operators.test_operators import Drawn
 
 SIZE = (64, 36)
 
@@ -98,6 +100,36 @@ def test_an_animation_s_movie_says_what_it_shows(extension, scene, tmp_path):
     (movie,) = tmp_path.glob("*.mp4")
     assert (stereo(movie), sphere(movie)[:21]) == ("top and bottom", "tiled equirectangular")
     assert "64x128 [SAR 1:1" in described(movie)
+
+
+# The camera's panel
+
+
+@pytest.mark.parametrize("by", ["panel", "camera"])
+@pytest.mark.parametrize(("mode", "degrees"), [("OFFAXIS", "1.7"), ("PARALLEL", None)])
+def test_the_camera_s_panel_tells_what_a_headset_needs_and_nothing_of_a_screen(extension, scene, by, mode, degrees):
+    from stereo_reproject_extension.operators import panels
+
+    def drawn():
+        layout = Drawn()
+        context = SimpleNamespace(scene=scene, region=None, space_data=None, preferences=bpy.context.preferences)
+        panels._Camera.draw(SimpleNamespace(layout=layout), context)
+        texts = [item[-1]["text"] for item in layout.items if item[0] == "label"]
+        return [item[1] for item in layout.items if item[0] == "operator"], " ".join(texts)
+
+    scene.camera.data.stereo.convergence_mode = mode
+    operators, text = drawn()
+    assert "stereo_reproject.fit_to_comfort" in operators
+    assert "headset" not in text
+    if by == "panel":
+        choose(scene, "vr180")
+    else:
+        panorama(scene)
+    operators, text = drawn()
+    assert operators == []
+    assert "there is no screen" in text
+    assert text.count("turn apart") == (degrees is not None)
+    assert degrees is None or f"by {degrees}°" in text
 
 
 # Bad input

@@ -371,6 +371,21 @@ def test_of_perspective_cameras_the_distance_counts_not_the_depth(scene, tmp_pat
         assert told.startswith(f"{near.mean():.1%} of the picture")
 
 
+@pytest.mark.parametrize(("interocular", "told"), [(40.0, 1), (0.0, 0)])
+def test_eyes_that_see_the_background_alone_are_warned_of(tmp_path, interocular, told):
+    scene = empty_scene(*SIZE, samples=1)
+    if interocular:
+        add_plane(scene, emission(), size=(4, 4), location=(0, 0, -3))
+    add_camera(scene, interocular=interocular, convergence=2.5)
+    scene.camera.data.stereo.convergence_mode = "PARALLEL"
+    with working_scene(scene, SceneOverrides(panorama="vr180", size=(32, 32))) as working:
+        # At the poles merged eyes see what is below them.
+        working.camera.data.stereo.use_pole_merge = False
+        renderer = BlenderRenderer(working, tmp_path)
+        renderer.render_source("left")
+        assert ["background alone" in line for line in renderer.warnings] == [True] * told
+
+
 def test_a_few_pixels_between_the_eyes_are_not_warned_of():
     assert _warnings_between_eyes(0.0004) == []
     (told,) = _warnings_between_eyes(0.0005)

@@ -22,6 +22,7 @@ from ...trace.pixel_filter import filter_support
 from ...views.camera import OrthographicCamera
 from ..scene.effects import has_grease_pencil, is_animated, uses_output
 from ..scene.motion import BLUR_SETTINGS
+from ..scene.panoramas import has_no_screen
 from ..scene.rig import camera_from_eye, stereo_cameras
 from ..scene.working import evaluated, focus_distance, rendered_layer
 from .render import Rendered, render_views
@@ -32,8 +33,7 @@ CARD_NAME = "Stereo Reproject mask"
 
 def card_blocker(scene: bpy.types.Scene) -> str | None:
     """Return why pixels cannot be traced behind a card in this scene, in words; None if they can."""
-    lens = scene.camera.data
-    if lens.type == "PANO" or (lens.type == "PERSP" and lens.stereo.use_spherical_stereo):
+    if has_no_screen(scene.camera.data):
         return "a card cannot stand before each ray of a panorama"
     if any(layer.material_override is not None for layer in scene.view_layers if layer.use):
         return "a material override would replace the card's material"

@@ -117,7 +117,7 @@ class BlenderRenderer:
         self.seed = scene.cycles.seed
         self.motion = eyes_in_motion(scene, eyes) if vector_pass_asked_for(scene) else None
         self.metadata: dict[str, str] = {}
-        self._between_eyes = 0.0
+        self._between_eyes: float | None = 0.0
         if views and scene.render.engine == CYCLES:
             switch_on_positions(scene)
         self.denoise: Denoise | None = None
@@ -293,16 +293,23 @@ def _as_asked_for(scene: bpy.types.Scene, passes: Passes) -> Passes:
     return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
 
 
-def _share_between_eyes(camera: Camera, passes: Passes) -> float:
-    """Return what `share_between_eyes` does of a view's passes (H, W, C), as Blender has them."""
+def _share_between_eyes(camera: Camera, passes: Passes) -> float | None:
+    """Return what `share_between_eyes` does of a view's passes (H, W, C), as Blender has them; None where an eye of
+    spherical stereo sees the background alone."""
     if not isinstance(camera, PanoramicCamera):
         return 0.0
-    return share_between_eyes(camera, distances(camera, passes[DEPTH_PASS][..., 0]))
+    away = distances(camera, passes[DEPTH_PASS][..., 0])
+    if camera.stereo is not None and camera.stereo.offset and not np.any(np.isfinite(away) & (away > 0.0)):
+        return None
+    return share_between_eyes(camera, away)
 
 
-def _warnings_between_eyes(share: float) -> list[str]:
+def _warnings_between_eyes(share: float | None) -> list[str]:
     """Return a warning of things that are nearer than the eyes are to each other, in this share of the picture; none
-    where that is next to nothing."""
+    where that is next to nothing. None is the share where the background alone is seen."""
+    if share is None:
+        said = "the eyes see the background alone: neither sees what is nearer to the camera than half its interocular "
+        return [said + "distance; lower that distance, or move the camera"]
     message = (
         "{share} of the picture shows what is nearer to the camera than its interocular distance: the eyes do not see "
         "that alike, and the pair may be wrong there; move the camera, or lower the distance"

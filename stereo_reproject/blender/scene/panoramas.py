@@ -32,6 +32,12 @@ def is_panorama(camera: bpy.types.Object | None) -> bool:
     return camera is not None and camera.type == "CAMERA" and camera.data.type == "PANO"
 
 
+def has_no_screen(data: bpy.types.Camera) -> bool:
+    """Return whether a camera's pair is for no screen: a panorama's, or one of spherical stereo, whose eyes stand on a
+    circle around the camera and look in every direction alike."""
+    return data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo)
+
+
 def spherical_stereo(data: bpy.types.Camera, view: str) -> SphericalStereo | None:
     """Return the spherical stereo of one view of an evaluated camera, by the view's name; None where the camera uses
     none. Raises BadInputError where the limits of its pole merge cross."""

@@ -17,7 +17,7 @@ from ...views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewP
 from ...views.panorama import PanoramicCamera
 from ...views.projections import Rectilinear
 from ...words import Words
-from .panoramas import PROJECTIONS, panorama_projection, spherical_stereo
+from .panoramas import PROJECTIONS, has_no_screen, panorama_projection, spherical_stereo
 from .rendered import CYCLES
 
 MODES = {"off-axis": "OFFAXIS", "parallel": "PARALLEL", "toe-in": "TOE"}
@@ -95,7 +95,7 @@ def check_engine_shows(camera: bpy.types.Object, engine: str) -> None:
     """Raise BadInputError if the engine, by its name in Blender, does not render a camera that `check_camera` takes as
     Cycles does: EEVEE knows neither panoramas nor spherical stereo."""
     data = camera.data
-    if engine != CYCLES and (data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo)):
+    if engine != CYCLES and has_no_screen(data):
         what = "a panorama" if data.type == "PANO" else "spherical stereo"
         message = "camera {camera} is set to {what}, which Cycles alone renders: set Cycles as engine"
         raise BadInputError(Words(message, camera=repr(camera.name), what=Words(what)))
@@ -151,7 +151,7 @@ def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: Fra
     data = camera.data
     world = np.array(camera.matrix_world, np.float64)
     world[:3, :3] /= np.linalg.norm(world[:3, :3], axis=0)
-    if data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo):
+    if has_no_screen(data):
         return _eye_with_rays(data, render, region, view, world)
     plane = _region_plane(_view_plane(data, render, region, data.shift_x + _stereo_shift(data, view)), region)
     model = OrthographicCamera if data.type == "ORTHO" else PerspectiveCamera

@@ -13,6 +13,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
+from ...views.comfort import MAX_VERGENCE_DEGREES, turned_apart_degrees
 from ...words import Words
 from .animated import animated_values
 from .rendered import CYCLES
@@ -61,13 +62,25 @@ def check_vr(
 
 
 def vr_warnings(camera: bpy.types.Object | None, overrides: SceneOverrides) -> list[str]:
-    """Return a warning where the overrides ask for a panorama and the camera's depth of field is left out; else an
-    empty list."""
+    """Return a line for what is not as a viewer with a headset needs it, where the overrides ask for a panorama: a
+    depth of field that is left out, and eyes that turn apart."""
     if overrides.panorama is None or camera is None or camera.type != "CAMERA":
         return []
-    lost = camera.data.type == "PERSP" and camera.data.dof.use_dof
-    how = f"the {NAMES[overrides.panorama]} panorama is sharp everywhere, since a headset cannot focus"
-    return [f"depth of field is switched off: {how}"] if lost else []
+    data, warnings = camera.data, []
+    if data.type == "PERSP" and data.dof.use_dof:
+        how = f"the {NAMES[overrides.panorama]} panorama is sharp everywhere, since a headset cannot focus"
+        warnings.append(f"depth of field is switched off: {how}")
+    stereo = data.stereo
+    mode = overrides.convergence_mode or stereo.convergence_mode
+    if data.type == "PERSP" or stereo.use_spherical_stereo:
+        asked = overrides.interocular_distance, overrides.convergence_distance
+        own = stereo.interocular_distance, stereo.convergence_distance
+        interocular, convergence = (value if given is None else given for given, value in zip(asked, own, strict=True))
+        apart = turned_apart_degrees(interocular, math.inf if mode.upper() == "PARALLEL" else convergence)
+        if apart > MAX_VERGENCE_DEGREES:
+            how = "set the convergence mode to parallel, or the convergence distance farther away"
+            warnings.append(f"in a headset, eyes turn apart by {apart:.1f}° to look at what is far away: {how}")
+    return warnings
 
 
 def copy_of_camera(camera: bpy.types.Object, overrides: SceneOverrides) -> bpy.types.Object:

@@ -202,10 +202,30 @@ def test_a_panorama_keeps_its_own_place_and_stereo(scene):
 
 @pytest.mark.parametrize(("overrides", "said"), [(VR180, "VR180"), (VR360, "360°"), (SceneOverrides(), None)])
 def test_depth_of_field_that_is_lost_is_warned_of(scene, overrides, said):
+    scene.camera.data.stereo.convergence_mode = "PARALLEL"
     assert not any("depth of field" in line for line in scene_warnings(scene, overrides))
     scene.camera.data.dof.use_dof = True
     expected = f"depth of field is switched off: the {said} panorama is sharp everywhere, since a headset cannot focus"
     assert scene_warnings(scene, overrides) == ([] if said is None else [expected])
+
+
+@pytest.mark.parametrize(
+    ("mode", "convergence", "asked", "degrees"),
+    [
+        ("OFFAXIS", 3.0, {}, "1.3"),
+        ("TOE", 3.0, {"interocular_distance": 0.06}, "1.1"),
+        ("OFFAXIS", 3.0, {"convergence_distance": 1.0}, "4.0"),
+        ("OFFAXIS", 4.5, {}, None),
+        ("OFFAXIS", 3.0, {"convergence_mode": "parallel"}, None),
+        ("PARALLEL", 3.0, {}, None),
+    ],
+)
+def test_eyes_that_turn_apart_are_warned_of(scene, mode, convergence, asked, degrees):
+    stereo = scene.camera.data.stereo
+    stereo.convergence_mode, stereo.convergence_distance = mode, convergence
+    said = [line for line in scene_warnings(scene, replace(VR180, **asked)) if "turn apart" in line]
+    assert [line.split(" by ")[1].split("°")[0] for line in said] == ([] if degrees is None else [degrees])
+    assert not any("turn apart" in line for line in scene_warnings(scene, SceneOverrides()))
 
 
 def orthographic(scene):
