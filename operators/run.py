@@ -26,6 +26,7 @@ from ..stereo_reproject.jobs.progress import Progress
 from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
 from ..stereo_reproject.jobs.work_folder import remove_abandoned, work_folder
 from ..stereo_reproject.pipeline.stages import Stage
+from ..stereo_reproject.sequence.leftovers import missing_folders, remove_empty, remove_leftovers
 from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
@@ -67,6 +68,11 @@ class _Cancel(Interrupts):
     def cancel(self) -> None:
         """Have the run end as soon as it looks for an interrupt."""
         self._received = signal.SIGINT
+
+    @property
+    def asked(self) -> bool:
+        """True once the run was asked to end."""
+        return self._received is not None
 
 
 class BackgroundJob:
@@ -110,6 +116,7 @@ class BackgroundJob:
         self._place = work_folder(self.temporary, ()) if second is None else second.place
         self._files = self._place.__enter__() if second is None else second.folder
         self.animation = animation
+        self._missing = missing_folders(() if animation is None else animation.written)
         self.frames_finished = 0
         """Number of frames that this job has finished so far."""
         self.picture: Event | None = None
@@ -119,12 +126,15 @@ class BackgroundJob:
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
+        self.started = 0.0
+        """Moment at which the job has begun, on the clock of `time.monotonic`."""
         try:
             self._blend, self.warnings = _saved_copy(self._files)
             job = self._job(scene, command, files, pictures)
             work = job, second_blender.worker_command()
             self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=work, daemon=True)
             self._thread.start()
+            self.started = time.monotonic()
         except BaseException:
             self._end_worker()
             self._place.__exit__(None, None, None)
@@ -169,6 +179,11 @@ class BackgroundJob:
         """True if the job ended because it was cancelled."""
         return isinstance(self.error, RunInterruptedError)
 
+    @property
+    def is_ending(self) -> bool:
+        """True from the moment at which the job was asked to end before it was over."""
+        return self._cancel.asked
+
     def far(self) -> tuple[float, float | None]:
         """Return how much of the job is done, from 0 to 1, and the seconds that remain (None if unknown)."""
         now = time.monotonic()
@@ -195,6 +210,8 @@ class BackgroundJob:
         self._place.__exit__(None, None, None)
         for folder in () if self.animation is None else self.animation.written:
             remove_abandoned(folder)
+            remove_leftovers(folder)
+        remove_empty(self._missing)
 
     def _work(self, job: Job, command: Sequence[str] | None) -> None:
         """Run the job's process to its end, and set `report` or `error`. This is all that the job's thread does."""

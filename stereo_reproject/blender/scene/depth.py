@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInputError
 from ...views.camera import Camera
-from ...views.depth_range import EdgeHit, FramePixels, edge_positions, grid_positions, typical_range
+from ...views.depth_range import FAR_EYE, EdgeHit, FramePixels, edge_positions, grid_positions, typical_range
 from .rig import FrameRegion, frame_region, stereo_cameras
 
 GRID_COLUMNS, GRID_ROWS = 48, 27
@@ -27,9 +27,6 @@ MAX_PASSED_SURFACES = 16
 PASSED_SHARE = 1e-5
 """Share of its distance by which a ray goes on behind a surface that it passes through: above the rounding of the
 single-precision numbers in which Blender casts rays."""
-
-FAR_EYE = {"left": "right", "right": "left"}
-"""The eye that loses more of a thing in front of the screen at each edge of the frame: that of the other side."""
 
 
 def frame_pixels(region: FrameRegion) -> FramePixels:
