@@ -33,6 +33,8 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
+from ..stereo_reproject.sequence.journal_folder import JournalFolder
+from ..stereo_reproject.sequence.record_store import RecordStore
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair
@@ -118,7 +120,8 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         of_frame = partial(Progress, stages=USUAL["animate"], frames=len(layers_to_render(scene)))
         progress = FramesProgress(time.monotonic(), len(output.files), of_frame)
         asked = AnimationSettings(existing=options.existing)
-        animation = Animation(asked, folders_of(output), sorted(output.files))
+        records = RecordStore(JournalFolder(output.folder, output.name))
+        animation = Animation(asked, folders_of(output), sorted(output.files), records)
         pictures = under_way.wanted_pictures(first_look=False)
         return BackgroundJob(
             scene, settings, "animate", ANIMATION_FILES, progress, animation=animation, pictures=pictures

@@ -27,6 +27,7 @@ from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterr
 from ..stereo_reproject.jobs.work_folder import remove_abandoned, work_folder
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.leftovers import missing_folders, remove_empty, remove_leftovers
+from ..stereo_reproject.sequence.record_store import RecordStore
 from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
@@ -53,13 +54,15 @@ class Pictures(Enum):
 
 @dataclass(frozen=True)
 class Animation:
-    """An animation that a job renders: how its frames are made, the folders into which the job itself writes, and the
-    numbers of its frames in their order, those that are there already included.
+    """An animation that a job renders: how its frames are made, the folders into which the job itself writes, the
+    numbers of its frames in their order, those that are there already included, and where the finished ones are
+    recorded.
     """
 
     settings: AnimationSettings
     written: Sequence[Path]
     frames: Sequence[int]
+    records: RecordStore
 
 
 class _Cancel(Interrupts):
@@ -117,6 +120,7 @@ class BackgroundJob:
         self._files = self._place.__enter__() if second is None else second.folder
         self.animation = animation
         self._missing = missing_folders(() if animation is None else animation.written)
+        self._recorded = {} if animation is None else animation.records.times()
         self.frames_finished = 0
         """Number of frames that this job has finished so far."""
         self.picture: Event | None = None
@@ -126,15 +130,14 @@ class BackgroundJob:
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
-        self.started = 0.0
-        """Moment at which the job has begun, on the clock of `time.monotonic`."""
+        self.looks = 0
+        """How often the window has looked how far the job is."""
         try:
             self._blend, self.warnings = _saved_copy(self._files)
             job = self._job(scene, command, files, pictures)
             work = job, second_blender.worker_command()
             self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=work, daemon=True)
             self._thread.start()
-            self.started = time.monotonic()
         except BaseException:
             self._end_worker()
             self._place.__exit__(None, None, None)
@@ -227,7 +230,16 @@ class BackgroundJob:
             )
         finally:
             self._end_worker()
+            if job.animation is not None:
+                self._count_recorded()
             self._blend.unlink(missing_ok=True)
+
+    def _count_recorded(self) -> None:
+        """Count frames whose record is new too: of the last ones a run that has ended early tells nothing."""
+        assert self.animation is not None
+        recorded = self.animation.records.times().items()
+        new = sum(frame in self.animation.frames and self._recorded.get(frame) != when for frame, when in recorded)
+        self.frames_finished = max(self.frames_finished, new)
 
     def _end_worker(self) -> None:
         """End the worker that waited for this job, if one did, whether it was used or not."""
