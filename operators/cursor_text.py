@@ -66,9 +66,10 @@ def _draw() -> None:
         return
     shown, scale = _shown[0], bpy.context.preferences.system.ui_scale
     width = text_width_px(shown.text, scale) + 2.0 * MARGIN_PX * scale
-    left, bottom = (place + OFFSET_PX * scale for place in shown.at)
+    left, bottom = shown.at[0] + OFFSET_PX * scale, shown.at[1] - OFFSET_PX * scale - strip_height_px(scale)
     if left + width > region.width:
         left = shown.at[0] - OFFSET_PX * scale - width
-    if bottom + strip_height_px(scale) > region.height:
-        bottom = shown.at[1] - OFFSET_PX * scale - strip_height_px(scale)
+    # Below the mouse first: headers lie over the upper edge.
+    if bottom < 0.0:
+        bottom = shown.at[1] + OFFSET_PX * scale
     draw_strip((left, bottom), width, left + MARGIN_PX * scale, shown.text, scale)
