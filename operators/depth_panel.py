@@ -50,7 +50,7 @@ UNNAMED_CUT = {
     ("right",): "Something is in front of the screen and cut by its right edge.",
     ("left", "right"): "Something is in front of the screen and cut by its left and right edges.",
 }
-"""The same about what has no name, as a pair shows it."""
+"""Message about what the frame cuts and has no name, as a pair shows it."""
 
 EDGES_UNKNOWN = "Not known if the frame's edges cut what is in front of the screen: Measure Depth finds out."
 

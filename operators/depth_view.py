@@ -43,7 +43,7 @@ MIN_SCREEN_DEPTH = 1e-4
 """Depth, in scene units, nearer than which the arrow does not drag the screen."""
 
 RIGHT_EYE_SHARE = {"LEFT": 0.0, "CENTER": 0.5, "RIGHT": 1.0}
-"""Where the camera is between the left eye and the right one, by its pivot."""
+"""Place of the camera between the left eye, 0, and the right one, 1, by its pivot."""
 
 _handlers: list[object] = []
 

@@ -40,13 +40,14 @@ from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair
 from ..stereo_reproject.words import Words
 from . import under_way
+from .animation_run import Animation
 from .headset import asked_panorama, panorama_size
 from .jobs import JobOperator
 from .multiview import hand_over_multiview
 from .prediction import full_gain_of, gain_words
 from .preferences import preferred
 from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
-from .run import Animation, BackgroundJob, Pictures, seconds_of
+from .run import BackgroundJob, Pictures, seconds_of
 from .slots import content_now, leave_multiview, multiview_now, unused_slot
 from .text import reported
 from .view_images import show_delivered

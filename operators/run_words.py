@@ -11,7 +11,7 @@ from .run import BackgroundJob
 
 GOES_ON = "Render Animation goes on with the others"
 GOES_ON_WITHOUT_OVERWRITE = "To go on with the others, switch off Overwrite in Output first"
-"""What can be done after a cancelled animation, by its Overwrite."""
+"""Ways to go on after a cancelled animation, by its Overwrite."""
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:

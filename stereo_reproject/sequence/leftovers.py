@@ -1,4 +1,4 @@
-"""What a run that has finished no frame leaves beside the frames: removed, where it is of no use to a later run."""
+"""Traces beside the frames of a run that has finished none: removed where they are of no use to a later run."""
 
 from __future__ import annotations
 
