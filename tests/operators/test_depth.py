@@ -52,6 +52,15 @@ def test_the_nearest_and_farthest_depth_are_measured_without_a_render(extension,
     assert (known.near, known.far, known.frame) == (pytest.approx(NEAR), pytest.approx(FAR), scene.frame_current)
 
 
+def test_the_sky_of_an_orthographic_camera_is_no_depth(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 60.0
+    scene.camera.data.stereo.convergence_mode = "TOE"
+    assert bpy.ops.stereo_reproject.measure_depth() == {"FINISHED"}
+    assert result_of(scene).depth.far == pytest.approx(FAR)
+
+
 def test_what_a_render_does_not_show_is_looked_through(extension, scene):
     from stereo_reproject_extension.operators.results import result_of
 
