@@ -135,6 +135,8 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
         line = Words("Interocular {length}: {parallax}", length=length, parallax=parallax_line(scene))
         if cut is not None:
             line = Words(BEHIND_FOR_CUT, line=line, name=repr(cut))
+        result = result_of(scene)
+        result.fitted, result.fitted_to = line, distances_of(data)
         self.report({"INFO"}, reported(line))
         return {"FINISHED"}
 
@@ -168,6 +170,11 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
                 )
             )
         return fit, avoided
+
+
+def distances_of(data: bpy.types.Camera) -> tuple[float, float]:
+    """Return a camera's interocular and convergence distance, in scene units."""
+    return data.stereo.interocular_distance, data.stereo.convergence_distance
 
 
 def refuse_what_cannot_be_fitted(data: bpy.types.Camera) -> None:

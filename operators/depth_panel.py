@@ -13,11 +13,17 @@ from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_pa
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from ..stereo_reproject.views.parallax import ScreenParallax
 from ..stereo_reproject.words import Words
-from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, camera_state, side_words
+from .depth import (
+    STEREO_REPROJECT_OT_fit_to_comfort,
+    STEREO_REPROJECT_OT_measure_depth,
+    camera_state,
+    distances_of,
+    side_words,
+)
 from .drawing import ICON_PX, paragraph
 from .fitting import TEXT_MARGINS_PX, fits
 from .results import KnownDepth, result_of
-from .screen_here import STEREO_REPROJECT_OT_set_screen_here
+from .screen_here import STEREO_REPROJECT_OT_set_screen_here, is_out
 from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
 from .text import shown
 
@@ -39,11 +45,20 @@ CUT = {
 }
 """Message about what the frame cuts, by the sides of its edges."""
 
+UNNAMED_CUT = {
+    ("left",): "Something is in front of the screen and cut by its left edge.",
+    ("right",): "Something is in front of the screen and cut by its right edge.",
+    ("left", "right"): "Something is in front of the screen and cut by its left and right edges.",
+}
+"""Message about what the frame cuts and has no name, as a pair shows it."""
+
+EDGES_UNKNOWN = "Not known if the frame's edges cut what is in front of the screen: Measure Depth finds out."
+
 LOWER = "Lower the interocular distance."
 LOWER_OR_FARTHER = "Lower the interocular distance, or set the convergence farther away."
 LOWER_OR_NEARER = "Lower the interocular distance, or set the convergence nearer."
-LOWER_OR_MOVE = "Lower the interocular distance, or move the object."
-NEARER_OR_MOVE = "Set the convergence nearer, or move the object."
+LOWER_OR_MOVE = "Lower the interocular distance, or move the camera or the object."
+NEARER_OR_MOVE = "Set the convergence nearer, or move the camera or the object."
 """Advice that follows a warning. Only the interocular distance helps on both sides of the screen, and in a parallel
 camera."""
 
@@ -97,14 +112,19 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX)
     row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
-    row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")
+    row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER", depress=is_out())
     layout.prop(scene.stereo_reproject, "show_depth", toggle=True, icon="VIEW3D")
     if known is None or not found:
         layout.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, icon="FILE_REFRESH")
         return
     # Below the buttons, which so stay where they are.
+    result = result_of(scene)
+    if result.fitted and result.fitted_to == distances_of(scene.camera.data):
+        paragraph(layout, context, Words("Fitted. {line}.", line=result.fitted), icon="INFO")
     for warning in warnings_on(scene, known, found, limits):
         paragraph(layout, context, warning, icon="ERROR")
+    if known.edges is None and found[0][1].percent < -MIN_CUT_PERCENT:
+        paragraph(layout, context, EDGES_UNKNOWN, icon="INFO")
     column = layout.column(align=True)
     when, measure = _when(known, scene), STEREO_REPROJECT_OT_measure_depth.bl_idname
     if fits(context, when, 1.0, ICON_PX + TEXT_MARGINS_PX):
@@ -197,4 +217,7 @@ def _cuts(scene: bpy.types.Scene, known: KnownDepth) -> list[Words]:
     for name, side in cut_in_front(known.edges, depth, EDGE_ROWS):
         sides.setdefault(name, []).append(side)
     named = list(sides.items())[:MAX_NAMED_CUTS]
-    return [Words(CUT[tuple(sorted(found))], name=repr(name)) for name, found in named]
+    return [
+        Words(CUT[tuple(sorted(found))], name=repr(name)) if name else Words(UNNAMED_CUT[tuple(sorted(found))])
+        for name, found in named
+    ]

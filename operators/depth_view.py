@@ -42,6 +42,9 @@ UNDO_DELAY_SECONDS = 0.1
 MIN_SCREEN_DEPTH = 1e-4
 """Depth, in scene units, nearer than which the arrow does not drag the screen."""
 
+RIGHT_EYE_SHARE = {"LEFT": 0.0, "CENTER": 0.5, "RIGHT": 1.0}
+"""Place of the camera between the left eye, 0, and the right one, 1, by its pivot."""
+
 _handlers: list[object] = []
 
 
@@ -60,12 +63,15 @@ class Plane:
 
 
 def planes_of(scene: bpy.types.Scene) -> list[Plane]:
-    """Return the planes of the screen and of both ends of the comfort zone, as far as the scene's camera has them."""
+    """Return the planes of the screen and of both ends of the comfort zone, as far as the scene's camera has them: as
+    wide as the frame is there for the eye, or the place between both, that stands where the camera is.
+    """
     eyes = eyes_of(scene)
     if eyes is None:
         return []
     left, right, frame_width = eyes
     limits, frame = comfort_limits(viewing_conditions(scene)), frame_pixels(frame_region(scene.render))
+    share_of_right = RIGHT_EYE_SHARE[scene.camera.data.stereo.pivot]
     planes = []
     for name, percent, colour, label_share in (
         ("Near", limits.near, LIMIT_COLOUR, 0.0),
@@ -74,7 +80,8 @@ def planes_of(scene: bpy.types.Scene) -> list[Plane]:
     ):
         depth = depth_at_parallax(left, right, percent, frame_width)
         if depth is not None and np.isfinite(depth):
-            corners = 0.5 * (frame_corners(left, frame, depth) + frame_corners(right, frame, depth))
+            ends = [frame_corners(eye, frame, depth) for eye in (left, right)]
+            corners = ends[0] + share_of_right * (ends[1] - ends[0])
             planes.append(Plane(name, corners, colour, label_share))
     return planes
 

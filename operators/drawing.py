@@ -6,6 +6,7 @@ from functools import partial
 
 import bpy
 
+from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
     Verdict,
@@ -27,6 +28,7 @@ from .results import Delivery, Result, result_of
 from .run_words import progress_of, stage_of
 from .slots import content_now
 from .text import sentence, shown
+from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 ICON_PX = 24.0
 """Pixels that an icon before a text takes at a scale of 1: Blender's unit of its interface, 20, and a gap."""
@@ -100,6 +102,8 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     """Draw what the running job does, or else the scene's last result: its picture's name, its verdict and warnings."""
     run = running()
     if run is not None:
+        if run.uid != context.scene.session_uid:
+            paragraph(layout, context, Words("Scene {name}:", name=repr(run.scene_name)))
         paragraph(layout, context, stage_of(run))
         return
     _draw_kept(layout, context)
@@ -119,7 +123,12 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:
+        if warning == NO_DENOISER:
+            # It is said under Details.
+            continue
         paragraph(box, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon="ERROR")
+    if result.animation is not None:
+        layout.operator(RENDER_OT_stereo_reproject_view_animation.bl_idname, icon="PLAY")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:

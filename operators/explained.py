@@ -1,5 +1,5 @@
-"""Explanations of figures, as tooltips. Blender gives labels none, so that a heading has a question mark that bears
-them.
+"""Explanations of figures and settings, as tooltips. Blender gives labels none, so that a heading has a question mark
+that bears them.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ MARK_PX = 48.0
 """Pixels that a question mark takes beside a text, with the margins of both, at a scale of 1."""
 
 ESTIMATED, MEASURED, TIME, TRACED = "Quality (Estimated)", "Quality (Measured)", "Time", "Rendered Again"
+EYES = "Eyes and Screen"
 """Headings."""
 
 _OF_ERROR = (
@@ -26,6 +27,20 @@ _OF_NOISE = (
 _OF_SPEED = "Speed: how many times as fast as rendering both eyes whole, as Blender's multiview does"
 
 EXPLANATIONS = {
+    EYES: (
+        "The screen is where the picture will be seen: a monitor, a television, a cinema",
+        "Interocular: distance between both eyes' cameras. The larger, the more depth there is",
+        (
+            "Convergence: distance from the camera at which things are seen exactly at the screen. What is nearer"
+            " stands out in front of it, what is farther lies behind it"
+        ),
+        "Pivot: the eye that stands where the camera is, or both beside it",
+        (
+            "Mode: with Off-Axis, the usual one, both cameras look straight ahead; Toe-in turns them towards each"
+            " other; Parallel has its screen at infinity"
+        ),
+        "Percent: how far the two pictures of a point are apart on the screen, of the picture's width",
+    ),
     ESTIMATED: (
         "Found by spot checks: pixels that were both moved and rendered",
         _OF_ERROR,
@@ -56,7 +71,7 @@ EXPLANATIONS = {
 
 
 class STEREO_REPROJECT_OT_explain(bpy.types.Operator):
-    """Say what the figures below this heading mean"""
+    """Say what is meant below this heading"""
 
     bl_idname = "stereo_reproject.explain"
     bl_label = "Explain Figures"

@@ -8,12 +8,14 @@ from typing import ClassVar
 
 import bpy
 
+from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, check_layers
 from ..stereo_reproject.blender.scene.rig import check_camera, check_engine_shows
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.words import Words
 from . import slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
+from .redraw import redraw_panels
 from .results import has_preview, result_of
 from .run import BackgroundJob
 from .run_words import cancelled_words, progress_of, stage_of
@@ -21,11 +23,17 @@ from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
 
+DOUBLE_CLICKS = 1.5
+"""Blender's times for a double click after the start of a job in which a click does not cancel it."""
+
 _running: list[BackgroundJob] = []
 """The run that is under way, if any."""
 
 
 _timers: list[bpy.types.Timer] = []
+
+_said: set[str] = set()
+"""Warnings that need to be reported once, as nothing can be done about them in this Blender, and were."""
 
 
 def running() -> BackgroundJob | None:
@@ -133,6 +141,7 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
+        run.looks += 1
         far = progress_of(run)[1]
         self._tell(shown(Words("{far}.  {stage}", far=far, stage=stage_of(run))), shown(far))
         under_way.update(run.picture)
@@ -221,7 +230,9 @@ class JobOperator:
             if not taken:
                 run.close()
         for warning in run.warnings:
-            self.report({"WARNING"}, sentence(reported(warning)))
+            if warning not in _said:
+                self.report({"WARNING"}, sentence(reported(warning)))
+        _said.update({NO_DENOISER} & set(run.warnings))
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
@@ -258,16 +269,11 @@ def _scene_of(run: BackgroundJob) -> bpy.types.Scene | None:
 
 def _show(text: str | None) -> None:
     """Show a text in every window's status bar, and draw the panels anew. With None, only the panels are drawn anew."""
-    for window in bpy.context.window_manager.windows:
+    for window in bpy.context.window_manager.windows if text is not None else ():
         # The text belongs to the workspace of the context, whichever it is asked of.
-        if text is not None:
-            with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
-                window.workspace.status_text_set(text)
-        for area in window.screen.areas:
-            if area.type in ("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
-                for region in area.regions:
-                    if region.type == "UI" or (region.type == "WINDOW" and area.type == "PROPERTIES"):
-                        region.tag_redraw()
+        with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
+            window.workspace.status_text_set(text)
+    redraw_panels()
 
 
 def _clear_status() -> None:
@@ -310,6 +316,16 @@ class STEREO_REPROJECT_OT_cancel(bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         """Return whether a job is running."""
         return bool(_running)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Cancel the running job, unless it has only just begun: then the click is the second one of a double click on
+        the button that was here before.
+        """
+        double_click = 1e-3 * context.preferences.inputs.mouse_double_click_time
+        # By the clock a window that is slow to draw would take the second click for a late one.
+        if _running[0].looks * TICK_SECONDS < DOUBLE_CLICKS * double_click:
+            return {"CANCELLED"}
+        return self.execute(context)
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Cancel the running job."""

@@ -7,15 +7,20 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
+from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
+from ..stereo_reproject.blender.scene.rig import check_camera
+from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.report.verdict import duration
 from ..stereo_reproject.words import Words
 from .depth_panel import draw_depth
 from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
+from .explained import EYES, draw_heading
 from .fitting import draw_setting, fits
 from .headset import is_for_headset, panorama_obstacle
 from .headset_panel import Headset, draw_comfort
+from .jobs import running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import gain_words, is_current
 from .preferences import EXTENSION
@@ -28,6 +33,7 @@ from .render import (
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence
 from .text import sentence, shown
+from .view_row import draw_modes_elsewhere
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 MAX_SHOWN_EFFECTS = 6
@@ -58,6 +64,8 @@ class _Main:
         if in_the_way is not None:
             paragraph(layout, context, in_the_way, icon="ERROR")
         draw_outcome(layout, context)
+        if result_of(scene).delivery is not None and running() is None:
+            draw_modes_elsewhere(layout, context)
 
 
 def obstacle(scene: bpy.types.Scene) -> str | None:
@@ -112,11 +120,12 @@ class _Camera:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the camera's stereo settings and the scene's parallax; a note where the scene has no camera."""
         layout, scene = self.layout, context.scene
-        camera = scene.camera
-        if camera is None or camera.type != "CAMERA":
-            paragraph(layout, context, "The scene has no camera: set one in Scene properties.", icon="ERROR")
+        try:
+            stereo = check_camera(scene.camera).data.stereo
+        except BadInputError as error:
+            paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(error))), icon="ERROR")
             return
-        stereo = camera.data.stereo
+        draw_heading(layout, EYES)
         column = layout.column(align=True)
         draw_setting(column, context, stereo, "convergence_mode", text="Mode")
         draw_setting(column, context, stereo, "interocular_distance", text="Interocular")
@@ -155,7 +164,8 @@ class _Check:
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
         for warning in found["warnings"]:
-            paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon="ERROR")
+            icon = "INFO" if warning == NO_DENOISER else "ERROR"
+            paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon=icon)
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
         """Draw the predicted gain and seconds; `predicted` is the part of that name of a check's findings."""

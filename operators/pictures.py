@@ -44,6 +44,8 @@ class STEREO_REPROJECT_OT_show_picture(bpy.types.Operator):
             self.report({"ERROR"}, reported("There is no such picture: render a stereo pair first"))
             return {"CANCELLED"}
         space.image = image
+        if not bpy.app.background:
+            fit_editor(context.window, context.area)
         return {"FINISHED"}
 
 
@@ -132,14 +134,16 @@ def _clear_of_sidebar(area: bpy.types.Area, region: bpy.types.Region) -> None:
     """
     space = area.spaces.active
     sidebar = next((other for other in area.regions if other.type == "UI" and other.width > 1), None)
-    width = space.image.size[0]
+    width, height = space.image.size
     if sidebar is None or not width:
         return
     covered = region.x + region.width - sidebar.x
     free = region.width - covered
-    if not 0 < covered < free or width * space.zoom[0] <= free - covered:
+    # The editor's own zoom is that of the picture that was drawn last.
+    zoom = min(region.width / width, region.height / height)
+    if not 0 < covered < free or width * zoom <= free - covered:
         return
-    zoom = min(space.zoom[0], free / width)
+    zoom = min(zoom, free / width)
     bpy.ops.image.view_zoom_ratio(ratio=zoom)
     bpy.ops.image.view_pan(offset=(0.5 * covered / zoom, 0.0))
 

@@ -60,7 +60,7 @@ VIEWING_DISTANCE: dict[str, Any] = {
 
 GROUPS = (
     (
-        "Scenes in Which Nothing Else Was Chosen",
+        "Defaults for Scenes",
         ("accuracy", "preview_samples", "screen_width", "eye_distance", "viewing_distance"),
     ),
     ("Every Preview", ("preview_pixels",)),

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import blf
 import bpy
-import gpu
-from gpu_extras.batch import batch_for_shader
 
-FONT, SIZE_PX, MARGIN_PX = 0, 12.0, 8.0
-
-TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
-STRIP_COLOUR = (0.0, 0.0, 0.0, 0.6)
+from .strip import MARGIN_PX, draw_strip, text_width_px
 
 
 @dataclass
@@ -66,23 +60,10 @@ def _draw() -> None:
     area, region = bpy.context.area, bpy.context.region
     if not _lines or area is None or region is None or area.as_pointer() != _lines[0].area:
         return
-    scale = bpy.context.preferences.system.ui_scale
-    margin = MARGIN_PX * scale
-    blf.size(FONT, SIZE_PX * scale)
-    _, height = blf.dimensions(FONT, "Xg")
-    corners = [(0.0, 0.0), (region.width, 0.0), (region.width, height + 2.0 * margin), (0.0, height + 2.0 * margin)]
-    blend = gpu.state.blend_get()
-    gpu.state.blend_set("ALPHA")
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    strip = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
-    shader.uniform_float("color", STRIP_COLOUR)
-    strip.draw(shader)
-    gpu.state.blend_set(blend)
-    left, line = _left_of_text(area, region) + margin, _lines[0]
-    has_room = left + blf.dimensions(FONT, line.text)[0] < region.width
-    blf.position(FONT, left, margin, 0.0)
-    blf.color(FONT, *TEXT_COLOUR)
-    blf.draw(FONT, line.text if has_room else line.short)
+    scale, line = bpy.context.preferences.system.ui_scale, _lines[0]
+    left = _left_of_text(area, region) + MARGIN_PX * scale
+    has_room = left + text_width_px(line.text, scale) < region.width
+    draw_strip((0.0, 0.0), region.width, left, line.text if has_room else line.short, scale)
 
 
 def _left_of_text(area: bpy.types.Area, region: bpy.types.Region) -> float:

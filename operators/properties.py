@@ -108,7 +108,7 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     )
     fill: bpy.props.EnumProperty(
         name="Hole Rendering",
-        description="How pixels that the rendered eye does not show are rendered",
+        description="How holes are rendered: the parts of the other eye's picture that the rendered eye does not show",
         items=[(name, name.capitalize(), FILLS[name]) for name in FILL_METHODS],
         default=StereoSettings.fill,
     )
@@ -190,8 +190,9 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     own_viewing_distance: bpy.props.FloatProperty(options={"HIDDEN"})
     show_depth: bpy.props.BoolProperty(
         name="Show in 3D View",
-        description="Draw the screen, and where comfort ends before and behind it, in the 3D View; an arrow at the"
-        " screen's corner drags the convergence",
+        description="Draw the screen, and where comfort ends before it (Near) and behind it (Far), in the 3D View; an"
+        " arrow at the screen's corner drags the convergence. Far is missing where all depths behind the screen, up to"
+        " infinity, are comfortable",
         default=False,
         update=redraw_views,
     )

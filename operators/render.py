@@ -8,17 +8,21 @@ from functools import partial
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.output.delivery import deliver_to_result, pixels_of
 from ..stereo_reproject.blender.output.stamp import with_render_time
 from ..stereo_reproject.blender.scene.denoiser import has_denoiser
+from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
 from ..stereo_reproject.blender.scene.rendered import CYCLES, layers_to_render
 from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
 from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
+from ..stereo_reproject.images.passes import DEPTH_PASS
 from ..stereo_reproject.jobs.frames_progress import FramesProgress
 from ..stereo_reproject.jobs.progress import USUAL, Progress, with_look
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE, MULTIVIEW_EYES
@@ -29,17 +33,21 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
+from ..stereo_reproject.sequence.journal_folder import JournalFolder
+from ..stereo_reproject.sequence.record_store import RecordStore
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair
 from ..stereo_reproject.words import Words
 from . import under_way
+from .animation_run import Animation
 from .headset import asked_panorama, panorama_size
 from .jobs import JobOperator
 from .multiview import hand_over_multiview
 from .prediction import full_gain_of, gain_words
 from .preferences import preferred
 from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
-from .run import Animation, BackgroundJob, Pictures, seconds_of
+from .run import BackgroundJob, Pictures, seconds_of
 from .slots import content_now, leave_multiview, multiview_now, unused_slot
 from .text import reported
 from .view_images import show_delivered
@@ -92,10 +100,10 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Make the pair the Render Result, keep its report for the panels, and return its summary."""
         frame = run.settings.scene.frame
-        where = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
+        where, edges = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
         assert scene is not None
         assert run.report is not None
-        keep_pair(scene, run, _delivery(frame, preview=self.preview, compared=run.settings.compare))
+        keep_pair(scene, run, _delivery(frame, preview=self.preview, compared=run.settings.compare), edges)
         return reported(Words("{result}{where}", result=summary(scene), where=where))
 
 
@@ -113,7 +121,8 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         of_frame = partial(Progress, stages=USUAL["animate"], frames=len(layers_to_render(scene)))
         progress = FramesProgress(time.monotonic(), len(output.files), of_frame)
         asked = AnimationSettings(existing=options.existing)
-        animation = Animation(asked, folders_of(output), sorted(output.files))
+        records = RecordStore(JournalFolder(output.folder, output.name))
+        animation = Animation(asked, folders_of(output), sorted(output.files), records)
         pictures = under_way.wanted_pictures(first_look=False)
         return BackgroundJob(
             scene, settings, "animate", ANIMATION_FILES, progress, animation=animation, pictures=pictures
@@ -127,7 +136,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         if report["last"] is not None:
             try:
                 # What its File Output nodes write was written with each frame.
-                where = _deliver(scene, run, frame=report["last"], to_look_at=True)
+                where, _ = _deliver(scene, run, frame=report["last"], to_look_at=True)
                 shown = True
             except StereoReprojectError as error:
                 run.warnings.append(Words("the last frame is not shown: {reason}", reason=str(error)))
@@ -269,13 +278,13 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
 
 def _deliver(
     scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool, preview: bool = False
-) -> str:
+) -> tuple[str, tuple[EdgeHit, ...] | None]:
     """Make the eyes that a run has written the scene's Render Result, and show it. The run's EXR files are removed.
 
-    Return "", or words for the message if the result is in another render slot than the user's. frame is the one at
-    which the scene's compositor is run; to_look_at is as for `deliver_to_result`. A preview, and a picture
-    after one, which has another size, is fitted to the editor. Raises BadInputError if the scene is None, since it was
-    deleted meanwhile.
+    Return "", or words for the message if the result is in another render slot than the user's; and what the eyes show
+    at the frame's edges, None if they do not reach them. frame is the one at which the scene's compositor is run;
+    to_look_at is as for `deliver_to_result`. A preview, and a picture after one, which has another size, is fitted to
+    the editor. Raises BadInputError if the scene is None, since it was deleted meanwhile.
     """
     if scene is None:
         raise _deleted(run)
@@ -297,9 +306,23 @@ def _deliver(
         fit = preview or has_preview(scene)
         # An editor that the user has turned to something else since the job began is left alone.
         show_delivered(scene, fit=fit, opens=not under_way.hand_over())
+    edges = _edges_of(scene, eyes)
     if slot is None:
-        return ""
-    return Words("; in the render slot {slot}, as another render was made meanwhile", slot=repr(slot))
+        return "", edges
+    return Words("; in the render slot {slot}, as another render was made meanwhile", slot=repr(slot)), edges
+
+
+def _edges_of(
+    scene: bpy.types.Scene, eyes: Mapping[str, Mapping[str, Mapping[str, NDArray]]]
+) -> tuple[EdgeHit, ...] | None:
+    """Return what both eyes, passes by view layer and name, show at the frame's edges: of several layers what is
+    nearest. None where a render region leaves the edges out.
+    """
+    region = frame_region(scene.render)
+    if (region.left, region.width) != (0, region.full_width):
+        return None
+    nearest = {eye: [passes[DEPTH_PASS][..., 0] for passes in layers.values()] for eye, layers in eyes.items()}
+    return hits_of_pair({eye: np.min(depths, axis=0) for eye, depths in nearest.items()}, EDGE_ROWS)
 
 
 def _render_seconds(run: BackgroundJob, frame: int | None) -> float | None:

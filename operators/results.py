@@ -63,14 +63,14 @@ class Delivery:
 class KnownDepth:
     """Nearest and farthest depth that the scene's camera saw at a frame, in scene units; +inf is the sky.
 
-    edges is what a measurement saw at the frame's edges, and seen_from the camera's state then; both are empty where a
-    pair or a check found the depths.
+    edges is what was seen at the frame's edges, None where nobody looked there; that of a pair has no names. seen_from
+    is the camera's state at a measurement, and empty where a pair or a check found the depths.
     """
 
     near: float
     far: float
     frame: int
-    edges: tuple[EdgeHit, ...] = ()
+    edges: tuple[EdgeHit, ...] | None = None
     seen_from: tuple[float, ...] = ()
 
     @property
@@ -79,8 +79,10 @@ class KnownDepth:
         return ("Nearest", self.near), ("Farthest", self.far)
 
     @classmethod
-    def of_report(cls, report: Mapping[str, Any]) -> KnownDepth | None:
-        """Return the depths that the report of a pair or of a check has; None if nothing was in view."""
+    def of_report(cls, report: Mapping[str, Any], edges: tuple[EdgeHit, ...] | None = None) -> KnownDepth | None:
+        """Return the depths that the report of a pair or of a check has, with these edges; None if nothing was in
+        view.
+        """
         seen = report.get("parallax")
         if not seen:
             return None
@@ -88,7 +90,7 @@ class KnownDepth:
         near, far = (
             float("inf") if seen[end]["depth"] is None else seen[end]["depth"] for end in ("nearest", "farthest")
         )
-        return cls(near, far, report["frame"])
+        return cls(near, far, report["frame"], edges)
 
 
 @dataclass
@@ -106,6 +108,10 @@ class Result:
     warnings: list[str] = field(default_factory=list)
     depth: KnownDepth | None = None
     """Depths that a measurement, a pair or a check saw last."""
+    fitted: str = ""
+    """Line about the last fit to comfort; "" before the first."""
+    fitted_to: tuple[float, float] = (0.0, 0.0)
+    """Interocular and convergence distance that the fit has set."""
     run: BackgroundJob | None = None
     """Job that still holds the pictures."""
     ended: str = ""
@@ -151,9 +157,12 @@ def _forget(uid: int) -> None:
         result.run.close()
 
 
-def keep_pair(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) -> None:
-    """Keep the report, warnings and pictures of a finished run for the panels; delivery is its picture. Files of the
-    scene's earlier pair are removed, and results of deleted scenes are forgotten.
+def keep_pair(
+    scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery, edges: tuple[EdgeHit, ...] | None
+) -> None:
+    """Keep the report, warnings and pictures of a finished run for the panels; delivery is its picture, and edges is
+    what it shows at the frame's edges, None if that is not known. Files of the scene's earlier pair are removed, and
+    results of deleted scenes are forgotten.
     """
     _forget_gone()
     result = result_of(scene)
@@ -162,7 +171,7 @@ def keep_pair(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) ->
     result.report, result.warnings, result.run = run.report, run.warnings, run
     result.animation, result.delivery = None, delivery
     if run.report is not None:
-        result.depth = KnownDepth.of_report(run.report) or result.depth
+        result.depth = KnownDepth.of_report(run.report, edges) or result.depth
 
 
 def keep_animation(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) -> None:

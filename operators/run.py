@@ -8,7 +8,6 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -24,13 +23,13 @@ from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.jobs.frames_progress import FramesProgress
 from ..stereo_reproject.jobs.progress import Progress
 from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
-from ..stereo_reproject.jobs.work_folder import remove_abandoned, work_folder
+from ..stereo_reproject.jobs.work_folder import work_folder
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.supervisor import run_animation
-from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
 from ..stereo_reproject.words import Words
 from . import second_blender
+from .animation_run import Animation
 from .preferences import temporary_folder
 
 POLL_SECONDS = 0.1
@@ -50,23 +49,17 @@ class Pictures(Enum):
     """The source with a single sample too, before it is rendered whole."""
 
 
-@dataclass(frozen=True)
-class Animation:
-    """An animation that a job renders: how its frames are made, the folders into which the job itself writes, and the
-    numbers of its frames in their order, those that are there already included.
-    """
-
-    settings: AnimationSettings
-    written: Sequence[Path]
-    frames: Sequence[int]
-
-
 class _Cancel(Interrupts):
     """Interrupts of a run that another thread can cause, where Ctrl C would do so in the main thread."""
 
     def cancel(self) -> None:
         """Have the run end as soon as it looks for an interrupt."""
         self._received = signal.SIGINT
+
+    @property
+    def asked(self) -> bool:
+        """True once the run was asked to end."""
+        return self._received is not None
 
 
 class BackgroundJob:
@@ -119,9 +112,11 @@ class BackgroundJob:
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
+        self.looks = 0
+        """Number of times that the window has looked how far the job is."""
         try:
             self._blend, self.warnings = _saved_copy(self._files)
-            job = self._job(scene, command, files, pictures)
+            job = _job_of(self, self._blend, scene, command, files, pictures)
             work = job, second_blender.worker_command()
             self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=work, daemon=True)
             self._thread.start()
@@ -129,22 +124,6 @@ class BackgroundJob:
             self._end_worker()
             self._place.__exit__(None, None, None)
             raise
-
-    def _job(self, scene: bpy.types.Scene, command: str, files: Sequence[str], pictures: Pictures) -> Job:
-        """Return the job for the worker process, on the copy of the open file; the parameters are those of
-        `__init__`.
-        """
-        return Job(
-            self._blend,
-            self.folder if files else None,
-            self.settings,
-            command,
-            tuple(files),
-            session=_session_of(scene),
-            animation=None if self.animation is None else self.animation.settings,
-            pictures=pictures is not Pictures.NONE,
-            first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
-        )
 
     @property
     def folder(self) -> Path:
@@ -168,6 +147,11 @@ class BackgroundJob:
     def cancelled(self) -> bool:
         """True if the job ended because it was cancelled."""
         return isinstance(self.error, RunInterruptedError)
+
+    @property
+    def is_ending(self) -> bool:
+        """True from the moment at which the job was asked to end before it was over."""
+        return self._cancel.asked
 
     def far(self) -> tuple[float, float | None]:
         """Return how much of the job is done, from 0 to 1, and the seconds that remain (None if unknown)."""
@@ -193,8 +177,8 @@ class BackgroundJob:
         self.cancel()
         self._thread.join()
         self._place.__exit__(None, None, None)
-        for folder in () if self.animation is None else self.animation.written:
-            remove_abandoned(folder)
+        if self.animation is not None:
+            self.animation.clean_up()
 
     def _work(self, job: Job, command: Sequence[str] | None) -> None:
         """Run the job's process to its end, and set `report` or `error`. This is all that the job's thread does."""
@@ -210,6 +194,9 @@ class BackgroundJob:
             )
         finally:
             self._end_worker()
+            if self.animation is not None:
+                # Of the last frames, a run that ends early tells nothing.
+                self.frames_finished = max(self.frames_finished, self.animation.newly_recorded())
             self._blend.unlink(missing_ok=True)
 
     def _end_worker(self) -> None:
@@ -240,6 +227,25 @@ class BackgroundJob:
             self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
             self.progress.begin(self.stage, now, self.detail)
             self.progress.advance(event.get("fraction"), now)
+
+
+def _job_of(
+    run: BackgroundJob, blend: Path, scene: bpy.types.Scene, command: str, files: Sequence[str], pictures: Pictures
+) -> Job:
+    """Return the job for a run's worker process, on the copy of the open file at the path `blend`; the other parameters
+    are those of `BackgroundJob`.
+    """
+    return Job(
+        blend,
+        run.folder if files else None,
+        run.settings,
+        command,
+        tuple(files),
+        session=_session_of(scene),
+        animation=None if run.animation is None else run.animation.settings,
+        pictures=pictures is not Pictures.NONE,
+        first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
+    )
 
 
 def _check_saved(scene: bpy.types.Scene) -> None:

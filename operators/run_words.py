@@ -9,12 +9,18 @@ from ..stereo_reproject.report.verdict import saved_words
 from ..stereo_reproject.words import Words
 from .run import BackgroundJob
 
+GOES_ON = "Render Animation goes on with the others"
+GOES_ON_WITHOUT_OVERWRITE = "To go on with the others, switch off Overwrite in Output first"
+"""Ways to go on after a cancelled animation, by its Overwrite."""
+
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
     """Return how far a run is: as a number from 0 to 1, and as a short text with the frame of an animation, the share
-    and the time that is left.
+    and the time that is left; once it was asked to end, that it does so.
     """
     fraction, remaining = run.far()
+    if run.is_ending:
+        return fraction, Words("Ending")
     words, frame = Words("{share} %", share=f"{100.0 * fraction:.0f}"), frame_words(run)
     if remaining is not None:
         words = Words("{share}, {left}", share=words, left=left_words(remaining))
@@ -45,6 +51,9 @@ def cancelled_words(run: BackgroundJob) -> str:
     """Return a line that says what stays of a run that was cancelled."""
     if run.animation is None:
         return Words("Cancelled: nothing was changed")
-    few = {0: "Cancelled: no frame was finished", 1: "Cancelled: 1 frame is finished and stays"}
-    message = few.get(run.frames_finished, "Cancelled: {count} frames are finished and stay")
-    return Words(message, count=run.frames_finished)
+    if run.frames_finished == 0:
+        return Words("Cancelled: no frame was finished")
+    one = run.frames_finished == 1
+    message = "Cancelled: 1 frame is finished and stays" if one else "Cancelled: {count} frames are finished and stay"
+    how = GOES_ON_WITHOUT_OVERWRITE if run.animation.settings.existing == "overwrite" else GOES_ON
+    return Words("{cancelled}. {how}", cancelled=Words(message, count=run.frames_finished), how=Words(how))

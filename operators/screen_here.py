@@ -12,7 +12,9 @@ from ..stereo_reproject.blender.scene.rig import frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.depth_range import FramePixels
 from ..stereo_reproject.words import Words
+from .cursor_text import hide_text, remove_text, show_at_mouse
 from .lengths import length_words
+from .redraw import redraw_panels
 from .results import result_of
 from .slots import content_now
 from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
@@ -39,9 +41,16 @@ def put_away() -> None:
     if not _out:
         return
     _out.clear()
+    remove_text()
     for window in bpy.context.window_manager.windows:
         window.cursor_modal_restore()
         window.workspace.status_text_set(None)
+    redraw_panels()
+
+
+def is_out() -> bool:
+    """Return whether an eyedropper is out."""
+    return bool(_out)
 
 
 class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
@@ -66,6 +75,7 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         _out.append(self.bl_idname)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(shown(HELP))
+        redraw_panels()
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -83,12 +93,12 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         try:
             depth = depth_under_mouse(context, event)
         except BadInputError as error:
-            show_help(context, sentence(shown(error)))
+            show_depth(context, event, sentence(shown(error)))
             if clicked:
                 self.report({"WARNING"}, sentence(reported(error)))
             return {"RUNNING_MODAL"}
         if not clicked:
-            show_help(context, Words("Depth {length}", length=length_words(context.scene, depth)))
+            show_depth(context, event, Words("Depth {length}", length=length_words(context.scene, depth)))
             return {"RUNNING_MODAL"}
         put_away()
         self.depth = depth
@@ -113,9 +123,15 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def show_help(context: bpy.types.Context, text: str) -> None:
-    """Show a text about what is under the mouse in the status bar, and after it what can be done."""
+def show_depth(context: bpy.types.Context, event: bpy.types.Event, text: str) -> None:
+    """Show a text about what is under the mouse beside it, and in the status bar with what can be done."""
     context.workspace.status_text_set(f"{shown(text)}    {shown(HELP)}")
+    try:
+        _, region = _place_of(context.window.screen, event.mouse_x, event.mouse_y)
+    except BadInputError:
+        hide_text()
+        return
+    show_at_mouse(region, (event.mouse_x - region.x, event.mouse_y - region.y), shown(text))
 
 
 def depth_under_mouse(context: bpy.types.Context, event: bpy.types.Event) -> float:

@@ -38,9 +38,8 @@ _last_modes: dict[int, tuple[str, str]] = {}
 an undo to before that takes our images away."""
 
 
-def mode_of(context: bpy.types.Context) -> str | None:
-    """Return the mode in which the Image Editor of the context shows a pair, a key of `MODES`; None if in none."""
-    space, window = context.space_data, context.window
+def mode_in(window: bpy.types.Window, space: bpy.types.SpaceImageEditor) -> str | None:
+    """Return the mode in which an Image Editor of this window shows a pair, a key of `MODES`; None if in none."""
     if wiggling.is_wiggling(space):
         return WIGGLE
     kind = kind_of(space.image)
@@ -48,6 +47,11 @@ def mode_of(context: bpy.types.Context) -> str | None:
         return kind
     in_stereo = has_two_views(space.image) and space.show_stereo_3d
     return ANAGLYPH if in_stereo and window.stereo_3d_display.display_mode == ANAGLYPH else None
+
+
+def mode_of(context: bpy.types.Context) -> str | None:
+    """Return the mode in which the Image Editor of the context shows a pair, a key of `MODES`; None if in none."""
+    return mode_in(context.window, context.space_data)
 
 
 def pair_in(context: bpy.types.Context) -> bpy.types.Image | None:

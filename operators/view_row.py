@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .fitting import TEXT_MARGINS_PX, fits
+from .looking import STEREO_REPROJECT_OT_look, mode_elsewhere
 from .multiview import draw_sides
 from .view_modes import MODES, WIGGLE, STEREO_REPROJECT_OT_show_view, STEREO_REPROJECT_OT_wiggle, mode_of
 from .wiggle_export import STEREO_REPROJECT_OT_export_wiggle
@@ -21,13 +22,11 @@ def _columns(context: bpy.types.Context) -> int:
 
 
 def draw_view_modes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw a button for each way to look at the pair, that of the present one pressed, the export of a wiggle, and
-    where the pair was compared, buttons that flip between ours and multiview's.
+    """Draw a button for each way to look at the pair in this Image Editor, that of the present one pressed, the export
+    of a wiggle, and where the pair was compared, buttons that flip between ours and multiview's.
     """
-    column = layout.column(align=True)
-    column.label(text="Look at It:")
+    column, grid = _begun(layout, context)
     now = mode_of(context)
-    grid = column.grid_flow(row_major=True, columns=_columns(context), even_columns=True, align=True)
     for mode, (name, _) in MODES.items():
         if mode == WIGGLE:
             grid.operator(STEREO_REPROJECT_OT_wiggle.bl_idname, text=name, depress=now == mode)
@@ -35,3 +34,20 @@ def draw_view_modes(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
             grid.operator(STEREO_REPROJECT_OT_show_view.bl_idname, text=name, depress=now == mode).mode = mode
     draw_sides(column, context)
     column.operator(STEREO_REPROJECT_OT_export_wiggle.bl_idname, text="Export Wiggle")
+
+
+def draw_modes_elsewhere(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw, in a panel of another editor, a button for each way to look at the pair in an Image Editor, that of the
+    present one pressed.
+    """
+    _, grid = _begun(layout, context)
+    now = mode_elsewhere()
+    for mode, (name, _) in MODES.items():
+        grid.operator(STEREO_REPROJECT_OT_look.bl_idname, text=name, depress=now == mode).mode = mode
+
+
+def _begun(layout: bpy.types.UILayout, context: bpy.types.Context) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:
+    """Draw the heading of the buttons; return the column below it, and the grid in it for the buttons."""
+    column = layout.column(align=True)
+    column.label(text="Look at It:")
+    return column, column.grid_flow(row_major=True, columns=_columns(context), even_columns=True, align=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import bpy
@@ -26,6 +27,30 @@ from .text import reported, sentence, shown
 from .view_modes import NO_PAIR, pair_in
 from .wiggling import WIGGLE_SECONDS
 
+LEAST_PX = 480
+"""Pixels of the longer side that a wiggle has at least, unless a size is chosen or the pair has fewer."""
+
+USUAL_PERCENTAGE = 50
+"""Size of a wiggle in percent of the pair, where that has so many pixels."""
+
+SUFFIXES = {"GIF": GIF, "MP4": ".mp4"}
+"""Endings of files by their format."""
+
+
+def named_as(path: str, kind: str) -> str:
+    """Return a path, or a name, with the ending of a format in place of another format's; "" where it is empty."""
+    suffix = Path(path).suffix
+    stem = path.removesuffix(suffix) if suffix.lower() in SUFFIXES.values() else path
+    return f"{stem}{SUFFIXES[kind]}" if stem else ""
+
+
+def _rename(operator: STEREO_REPROJECT_OT_export_wiggle, context: bpy.types.Context) -> None:
+    """Give the file the ending of the format that was chosen, in the File Browser too."""
+    operator.filepath = named_as(operator.filepath, operator.format)
+    chosen = getattr(context.space_data, "params", None)
+    if chosen is not None:
+        chosen.filename = named_as(chosen.filename, operator.format)
+
 
 class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
     """Save the stereo pair as a file that shows one eye after the other, for ever: an animated GIF, or a movie (MP4)"""
@@ -38,11 +63,22 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
     check_extension = None
     filter_glob: bpy.props.StringProperty(default="*.gif;*.mp4", options={"HIDDEN"})
 
+    format: bpy.props.EnumProperty(
+        name="Format",
+        description="What is written; the name's ending follows it",
+        items=[
+            ("GIF", "Animated GIF", "Plays for ever wherever pictures are shown, in 256 colours"),
+            ("MP4", "Movie (MP4)", "Plays for ten seconds in all colours"),
+        ],
+        default="GIF",
+        update=_rename,
+        options={"SKIP_SAVE"},
+    )
     percentage: bpy.props.IntProperty(
         name="Size",
         description="Size of the file's pictures, in percent of the pair's",
         subtype="PERCENTAGE",
-        default=50,
+        default=USUAL_PERCENTAGE,
         min=1,
         max=100,
     )
@@ -62,10 +98,28 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         cls.poll_message_set(shown(NO_PAIR))
         return context.scene is not None and pair_in(context) is not None
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Open a File Browser, with a size at which depth is seen."""
+        sides = _sides_of_pair(context)
+        if sides is not None and not self.properties.is_property_set("percentage"):
+            self.percentage = usual_percentage(sides)
+        return set(super().invoke(context, event))
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Take the format from the name's ending, as the user may type it. Blender calls this after each change in the
+        File Browser; return True if something was changed here.
+        """
+        typed = next((name for name, suffix in SUFFIXES.items() if self.filepath.lower().endswith(suffix)), None)
+        changed = typed is not None and typed != self.format
+        if typed is not None and changed:
+            self.format = typed
+        return bool(super().check(context)) or changed
+
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings beside the files, and the size in pixels where the pair's is known."""
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
+        column.prop(self, "format")
         column.prop(self, "percentage")
         sides = _sides_of_pair(context)
         if sides is not None:
@@ -74,11 +128,6 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             row.alignment = "RIGHT"
             row.label(text=shown(Words("{width} x {height} pixels", width=width, height=height)))
         column.prop(self, "seconds")
-        for line in (
-            "A name that ends in .mp4 is a movie, with all colours;",
-            "any other is a GIF, which plays anywhere",
-        ):
-            self.layout.label(text=line)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the file, whole or not at all; report an error in one line."""
@@ -98,6 +147,11 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             return {"CANCELLED"}
         self.report({"INFO"}, reported(Words("Wiggle saved: {path}", path=path)))
         return {"FINISHED"}
+
+
+def usual_percentage(sides: tuple[int, int]) -> int:
+    """Return the size of a wiggle, in percent of a pair of this width and height in pixels, unless one is chosen."""
+    return min(max(USUAL_PERCENTAGE, math.ceil(100.0 * LEAST_PX / max(*sides, 1))), 100)
 
 
 def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:

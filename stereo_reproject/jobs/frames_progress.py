@@ -9,6 +9,10 @@ from typing import Any
 from .progress import Progress
 from .supervisor import FRAME
 
+MIN_TELLING_FRACTION = 0.2
+"""Fraction of the first frame from which on it tells how long all others take: its beginning is slower than the rest,
+and an error counts as often as there are frames."""
+
 
 class FramesProgress:
     """An estimate of how much of an animation of `total` frames is done and how long it still takes; used as `Progress`
@@ -70,5 +74,7 @@ class FramesProgress:
         taken, left = now - self._started, self._frame.remaining(now)
         later = max(self._total - self._before - 1, 0)
         if not self._each:
-            return None if left is None else left + later * (taken + left)
+            if left is None or (later and self._frame.fraction(now) < MIN_TELLING_FRACTION):
+                return None
+            return left + later * (taken + left)
         return max(self._each - taken if left is None else left, 0.0) + later * self._each

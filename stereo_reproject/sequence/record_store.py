@@ -57,6 +57,14 @@ class RecordStore:
         found = (self.read(frame) for frame in (self._frames() if frames is None else frames))
         return [record for record in found if record is not None]
 
+    def times(self) -> dict[int, int]:
+        """Return by frame when its record was written, in nanoseconds of the drive's clock; of a drive that fails, what
+        could be read."""
+        found: dict[int, int] = {}
+        with contextlib.suppress(OSError):
+            found.update((frame, self._path(frame).stat().st_mtime_ns) for frame in self._frames())
+        return found
+
     def new_doubts(self) -> list[str]:
         """Return warnings about records that could not be used, each with its path and the reason; only those found
         since the last call."""

@@ -4,7 +4,7 @@ screen."""
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,9 +24,15 @@ MIN_CUT_PERCENT = 0.2
 """Parallax in front of the screen, in percent of the width, from which a cut is noticed: 4 pixels of 1920."""
 
 
+FAR_EYE = {"left": "right", "right": "left"}
+"""The eye that loses more of a thing in front of the screen at each edge of the frame: that of the other side."""
+
+
 @dataclass(frozen=True)
 class EdgeHit:
-    """A thing that is seen at the frame's edge: the side, "left" or "right", the thing's name and its depth."""
+    """A thing that is seen at the frame's edge: the side, "left" or "right", the thing's name, "" where only its depth
+    is known, and its depth.
+    """
 
     side: str
     name: str
@@ -55,6 +61,18 @@ def edge_positions(frame: FramePixels, side: str, rows: int) -> tuple[NDArray, N
     """Return pixel positions x and y, (rows,) each, on the frame's edge on this side, "left" or "right"."""
     x = frame.left + (frame.width if side == "right" else 0.0)
     return np.full(rows, x), frame.top + frame.height * (np.arange(rows) + 0.5) / rows
+
+
+def hits_of_pair(depths: Mapping[str, NDArray], rows: int) -> tuple[EdgeHit, ...]:
+    """Return what a rendered pair shows at the frame's edges, without names: at as many places of each edge as there
+    are `rows`. depths are the depths (H, W) of both eyes over the whole frame, by "left" and "right".
+    """
+    found = []
+    for side, eye in FAR_EYE.items():
+        column = depths[eye][:, -1 if side == "right" else 0]
+        places = ((np.arange(rows) + 0.5) * column.size / rows).astype(int)
+        found += [EdgeHit(side, "", float(depth)) for depth in column[places] if depth > 0.0 and np.isfinite(depth)]
+    return tuple(found)
 
 
 def typical_range(depth: NDArray) -> tuple[float, float] | None:

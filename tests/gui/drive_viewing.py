@@ -166,6 +166,34 @@ def end_wiggles_by_buttons():
         facts[f"after_{name}"] = shown()
 
 
+def look_from_elsewhere():
+    """By the buttons of a panel in another editor."""
+    area = area_of("PROPERTIES")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    facts["looked"] = {}
+    for mode in ("RIGHT", "WIGGLE", "CROSS_EYED"):
+        with bpy.context.temp_override(window=window(), area=area, region=region):
+            bpy.ops.stereo_reproject.look(mode=mode)
+        yield from until(lambda mode=mode: shown()[1] == mode, f"{mode} does not come")
+        yield from redrawn()
+        facts["looked"][mode] = len(wiggles())
+
+
+def fit_beside_the_sidebar():
+    """The sidebar lies over the picture, as it does unless the preferences say otherwise."""
+    bpy.context.preferences.system.use_region_overlap = True
+    yield from redrawn()
+    for mode in ("LEFT", "SIDE_BY_SIDE"):
+        yield from click("IMAGE_EDITOR", "UI", f"show_view(mode='{mode}')")
+        over_the_picture()
+        yield from redrawn()
+    sidebar, region = region_of("IMAGE_EDITOR", "UI"), region_of("IMAGE_EDITOR", "WINDOW")
+    facts["beside the sidebar"] = [space().zoom[0] * space().image.size[0], sidebar.x - region.x, region.width]
+    shoot("beside_the_sidebar")
+    bpy.context.preferences.system.use_region_overlap = False
+    yield from redrawn()
+
+
 def undo():
     """To before our images were made, and then to before the first render, where even Blender's own is gone."""
     over_the_picture()
@@ -305,6 +333,8 @@ STEPS = (
     look_in_every_mode,
     wiggle,
     end_wiggles_by_buttons,
+    look_from_elsewhere,
+    fit_beside_the_sidebar,
     flip_to_multiview,
     render_again_side_by_side,
     wiggle_until_a_render,

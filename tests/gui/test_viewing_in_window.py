@@ -73,6 +73,16 @@ def test_without_a_pair_the_buttons_are_grey(facts):
     assert facts["without_a_pair"] == [False, False, False]
 
 
+def test_a_panel_elsewhere_has_the_pair_looked_at_in_the_image_editor(facts):
+    assert facts["looked"] == {"RIGHT": 0, "WIGGLE": 1, "CROSS_EYED": 0}
+
+
+def test_the_sidebar_covers_nothing_of_a_pair_that_is_fitted(facts):
+    width, free, whole = facts["beside the sidebar"]
+    assert free < whole, "the sidebar does not lie over the picture"
+    assert 0.9 * free < width <= free + 1.0
+
+
 def test_each_picture_is_fitted_to_the_editor(facts):
     """Blender 5 draws an image for the first time at 100 %, which is small here."""
     widths = facts["widths"]

@@ -30,6 +30,18 @@ def test_in_the_first_frame_the_others_are_taken_to_last_as_long():
     assert progress.remaining(30.0) == pytest.approx(10.0 + 3 * 40.0)
 
 
+def test_the_beginning_of_the_first_frame_does_not_tell_how_long_all_take():
+    progress = progress_of(12)
+    progress.begin("source", 0.0, "frame 1")
+    # The scene was synced in these three seconds, and then one sample of 16 rendered.
+    progress.advance(1 / 16, 3.0)
+    assert progress.remaining(3.0) is None
+    alone = progress_of(1)
+    alone.begin("source", 0.0, "frame 1")
+    alone.advance(1 / 16, 3.0)
+    assert alone.remaining(3.0) is not None
+
+
 @pytest.mark.parametrize("late", [False, True])
 def test_a_frame_that_is_written_while_the_next_is_rendered_counts_once(late):
     progress = progress_of(4)

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.blender.scene.depth import EDGE_ROWS
 from tests.blender.toolbox import add_camera, add_cube, add_plane, diffuse, empty_scene
 
 SIZE = (192, 108)
@@ -49,6 +50,15 @@ def test_the_nearest_and_farthest_depth_are_measured_without_a_render(extension,
     assert bpy.ops.stereo_reproject.measure_depth() == {"FINISHED"}
     known = result_of(scene).depth
     assert (known.near, known.far, known.frame) == (pytest.approx(NEAR), pytest.approx(FAR), scene.frame_current)
+
+
+def test_the_sky_of_an_orthographic_camera_is_no_depth(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 60.0
+    scene.camera.data.stereo.convergence_mode = "TOE"
+    assert bpy.ops.stereo_reproject.measure_depth() == {"FINISHED"}
+    assert result_of(scene).depth.far == pytest.approx(FAR)
 
 
 def test_what_a_render_does_not_show_is_looked_through(extension, scene):
@@ -354,6 +364,63 @@ def test_what_both_edges_cut_is_named_once(extension, scene):
     scene.camera.data.stereo.convergence_distance = 6.0
     (said,) = (text for text in warnings(scene) if "cut by" in text)
     assert said.startswith("'Beam' is in front of the screen and cut by its left and right edges. Set the conv")
+
+
+def render_preview(scene):
+    """A small pair by the extension, and what the panel warns of after it, with no measurement."""
+    from stereo_reproject_extension.operators.depth_panel import warnings_on
+    from stereo_reproject_extension.operators.results import result_of
+    from stereo_reproject_extension.operators.stereo import parallax_now, viewing_conditions
+    from stereo_reproject_extension.stereo_reproject.views.comfort import comfort_limits
+
+    scene.stereo_reproject.preview_samples = 1
+    assert bpy.ops.render.stereo_reproject_image(preview=True) == {"FINISHED"}
+    known = result_of(scene).depth
+    return known, warnings_on(scene, known, parallax_now(scene), comfort_limits(viewing_conditions(scene)))
+
+
+@pytest.mark.parametrize("source", ["left", "right"])
+def test_a_pair_shows_what_the_frame_cuts_in_front_of_the_screen(extension, scene, source):
+    place_at_the_left_edge(scene)
+    scene.stereo_reproject.source = source
+    scene.camera.data.stereo.convergence_distance = 6.0
+    known, said = render_preview(scene)
+    at_left = [hit.depth for hit in known.edges if hit.side == "left"]
+    assert at_left == pytest.approx([NEAR] * EDGE_ROWS, rel=1e-3)
+    (cut,) = (text for text in said if "cut by" in text)
+    assert cut.startswith("Something is in front of the screen and cut by its left edge. Set the convergence nearer")
+
+
+def test_a_pair_of_a_render_region_does_not_show_the_frame_s_edges(extension, scene):
+    border_around_the_card(scene)
+    known, said = render_preview(scene)
+    assert known.edges is None
+    assert not any("cut by" in text for text in said)
+
+
+def test_a_fit_stays_said_until_the_camera_is_changed(fit, scene):
+    from stereo_reproject_extension.operators.depth import distances_of
+    from stereo_reproject_extension.operators.results import result_of
+
+    fit()
+    result, data = result_of(scene), scene.camera.data
+    assert result.fitted.startswith("Interocular ")
+    assert result.fitted_to == distances_of(data)
+    data.stereo.convergence_distance *= 1.01
+    assert result.fitted_to != distances_of(data)
+
+
+@pytest.mark.parametrize("pivot", ["LEFT", "CENTER", "RIGHT"])
+def test_through_the_camera_all_planes_are_its_frame(extension, scene, pivot):
+    from stereo_reproject_extension.operators.depth_view import planes_of
+
+    stereo, half = scene.camera.data.stereo, 0.5 * 36.0 / scene.camera.data.lens
+    stereo.pivot, stereo.interocular_distance, stereo.convergence_distance = pivot, 0.2, 6.0
+    planes = planes_of(scene)
+    assert len(planes) == 3
+    for plane in planes:
+        seen = plane.corners[:, 0] / -plane.corners[:, 2]
+        np.testing.assert_allclose(seen, [-half, half, half, -half], rtol=1e-5, err_msg=plane.name)
 
 
 def test_advice_never_contradicts_itself(extension, scene):

@@ -321,3 +321,28 @@ def test_a_pair_beside_multiview_s_takes_nobody_s_slot(extension, scene, known):
     assert (content.place, content.name) == (len(slots) - 1, "Stereo Pair")
     assert holds(first.multiview)
     assert holds(first.content) == (not known)
+
+
+@pytest.mark.parametrize(
+    ("path", "kind", "named"),
+    [
+        ("/a/w.gif", "MP4", "/a/w.mp4"),
+        ("w.MP4", "GIF", "w.gif"),
+        ("shot.v2", "GIF", "shot.v2.gif"),
+        ("", "MP4", ""),
+        ("w.mp4", "MP4", "w.mp4"),
+    ],
+)
+def test_a_wiggle_s_name_follows_its_format(extension, path, kind, named):
+    from stereo_reproject_extension.operators.wiggle_export import named_as
+
+    assert named_as(path, kind) == named
+
+
+@pytest.mark.parametrize(
+    ("sides", "percentage"), [((384, 216), 100), ((640, 360), 75), ((1920, 1080), 50), ((0, 0), 100)]
+)
+def test_a_wiggle_is_not_smaller_than_depth_is_seen_at(extension, sides, percentage):
+    from stereo_reproject_extension.operators.wiggle_export import usual_percentage
+
+    assert usual_percentage(sides) == percentage

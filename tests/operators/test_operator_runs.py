@@ -5,6 +5,7 @@ import re
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -156,7 +157,7 @@ def test_a_preview_does_not_write_what_a_render_would(extension, animated, place
 def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     extension, animated, place, monkeypatch, stage
 ):
-    from stereo_reproject_extension.operators import jobs, run
+    from stereo_reproject_extension.operators import jobs, results, run
 
     told = run.BackgroundJob._on_event
 
@@ -173,7 +174,11 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     for picture in shots.glob("film_*.png"):
         check_png(picture)
     assert not list(shots.glob("film_0002*"))
-    assert {path.name for path in place.rglob(".*")} == {JOURNAL}
+    # The first frame may be there before the run tells of it.
+    recorded = len(list((shots / JOURNAL).glob("film_000?.json")))
+    few = {0: "no frame was finished", 1: "1 frame is finished and stays. To go on with the others, switch off Over"}
+    assert results.result_of(animated).ended.startswith(f"Cancelled: {few[recorded]}")
+    assert {path.name for path in place.rglob(".*")} <= {JOURNAL}
     assert (jobs.running(), [path.name for path in place.iterdir()]) == (None, ["project"])
     monkeypatch.setattr(run.BackgroundJob, "_on_event", told)
     animated.render.use_overwrite = False
@@ -181,6 +186,25 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     assert sorted(path.name for path in shots.glob("film_0*")) == [
         f"film_000{frame}_{view}.png" for frame in (1, 2) for view in "LR"
     ]
+
+
+@pytest.mark.parametrize("stage", ["plan", "source", "fill"])
+def test_nothing_is_left_of_an_animation_that_is_cancelled_in_its_first_frame(
+    extension, animated, place, monkeypatch, stage
+):
+    from stereo_reproject_extension.operators import results, run
+
+    told = run.BackgroundJob._on_event
+
+    def cancel_there(self, event):
+        told(self, event)
+        if event.get("stage") == stage:
+            self.cancel()
+
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", cancel_there)
+    assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
+    assert sorted(path.name for path in (place / "project").iterdir()) == ["film.blend"]
+    assert results.result_of(animated).ended == "Cancelled: no frame was finished"
 
 
 def test_a_destination_that_is_taken_is_said_before_anything_is_rendered(extension, animated, place):
@@ -322,6 +346,47 @@ def test_a_second_start_is_refused_with_a_word(extension, scene, place):
             getattr(bpy.ops.render, name)()
     jobs.stop_running()
     assert list(place.iterdir()) == []
+
+
+def test_the_second_click_of_a_double_click_does_not_cancel(extension, scene, place, monkeypatch):
+    from stereo_reproject_extension.operators import jobs
+    from stereo_reproject_extension.operators.render import RENDER_OT_stereo_reproject_image as operator
+
+    cancel = jobs.STEREO_REPROJECT_OT_cancel
+    button = SimpleNamespace(execute=lambda context: cancel.execute(button, context))
+    run = operator.start(_Image(), scene)
+    jobs._running.append(run)
+    try:
+        assert cancel.invoke(button, bpy.context, None) == {"CANCELLED"}
+        assert not run.is_ending
+        # The user's next click comes later.
+        run.looks = round(2.0 / jobs.TICK_SECONDS)
+        assert cancel.invoke(button, bpy.context, None) == {"FINISHED"}
+        assert run.is_ending
+    finally:
+        jobs.stop_running()
+
+
+def test_a_missing_denoiser_is_reported_once_and_other_warnings_each_time(extension, scene, place, monkeypatch):
+    from stereo_reproject_extension.operators import jobs
+    from stereo_reproject_extension.operators.render import RENDER_OT_stereo_reproject_image as operator
+
+    told = []
+    other = "a warning that is said each time"
+
+    class Reporting(_Image):
+        report = staticmethod(lambda kind, text: told.append((kind, text)))
+        take = operator.take
+
+    monkeypatch.setattr(jobs, "_said", set())
+    for _ in range(2):
+        job = operator.start(_Image(), scene)
+        job.wait()
+        job.warnings[:] = [jobs.NO_DENOISER, other]
+        jobs._running.append(job)
+        assert jobs.JobOperator._finish(Reporting()) == {"FINISHED"}
+    warned = [text for kind, text in told if kind == {"WARNING"}]
+    assert [text[:12] for text in warned] == ["This Blender", "A warning th", "A warning th"]
 
 
 def test_switching_the_extension_off_ends_a_run(package, scene, place):

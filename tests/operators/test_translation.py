@@ -27,6 +27,8 @@ TABLE = {
     "{time} left": "noch {time}",
     "{stage}, {saved} so far": "{stage}, bisher {saved}",
     "Cancelled: {count} frames are finished and stay": "Abgebrochen: {count} Bilder bleiben",
+    "To go on with the others, switch off Overwrite in Output first": "Dazu erst Überschreiben ausschalten",
+    "Ending": "Endet",
     "camera {camera} is a panoramic mirror ball, which is not supported: choose another panorama type": (
         "kugelförmig ist {camera}"
     ),
@@ -154,8 +156,8 @@ def test_the_report_of_a_measurement_is_translated(german):
 class AnimationUnderWay:
     """A run at its third frame of four, as `run_words` reads it."""
 
-    animation = SimpleNamespace(frames=range(11, 15))
-    detail, stage, saved, frames_finished = "frame 13", "fill", 190.0, 2
+    animation = SimpleNamespace(frames=range(11, 15), settings=SimpleNamespace(existing="overwrite"))
+    detail, stage, saved, frames_finished, is_ending = "frame 13", "fill", 190.0, 2, False
 
     def far(self):
         return 0.5, 42.0
@@ -168,7 +170,11 @@ def test_progress_is_translated(german):
     run = AnimationUnderWay()
     assert shown(progress_of(run)[1]) == "50 %, noch 42 s (Bild 13, 3/4)"
     assert shown(stage_of(run)).endswith(", bisher 3 min 10 s gespart")
-    assert reported(cancelled_words(run)) == "Abgebrochen: 2 Bilder bleiben"
+    how = reported("To go on with the others, switch off Overwrite in Output first")
+    assert reported(cancelled_words(run)) == f"Abgebrochen: 2 Bilder bleiben. {how}"
+    assert how.startswith("Dazu")
+    run.is_ending = True
+    assert shown(progress_of(run)[1]) == "Endet"
 
 
 def made_scene():

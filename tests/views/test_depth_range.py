@@ -11,6 +11,7 @@ from stereo_reproject.views.depth_range import (
     edge_positions,
     frame_corners,
     grid_positions,
+    hits_of_pair,
     typical_range,
 )
 from tests.warp.analytic import camera, pose
@@ -57,6 +58,22 @@ def test_what_an_edge_cuts_in_front_is_named_largest_first():
     seen = hits("Door", 5) + hits("Lamp", 8, side="right") + hits("Wall", 12, depth=9.0) + hits("Twig", few)
     assert cut_in_front(seen, 2.0, rows) == [("Lamp", "right"), ("Door", "left")]
     assert cut_in_front(seen, 1.0, rows) == []
+
+
+def test_a_pair_s_edges_are_those_of_the_eye_that_loses_more():
+    left, right = np.full((40, 8), np.inf), np.full((40, 8), np.inf)
+    # Seen by the right eye at the left edge, and by the left eye at the right one; the other two places do not count.
+    right[:20, 0], left[30:, -1] = 3.0, 4.0
+    left[:, 0], right[:, -1] = 1.0, 2.0
+    hits = hits_of_pair({"left": left, "right": right}, 20)
+    assert [hit.depth for hit in hits if hit.side == "left"] == [3.0] * 10
+    assert [hit.depth for hit in hits if hit.side == "right"] == [4.0] * 5
+    assert {hit.name for hit in hits} == {""}
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan])
+def test_what_is_no_depth_is_not_at_the_edge(bad):
+    assert hits_of_pair({"left": np.full((4, 3), bad), "right": np.full((4, 3), np.inf)}, 4) == ()
 
 
 @pytest.mark.parametrize("orthographic", [False, True])

@@ -7,6 +7,9 @@ import bpy
 from .rendered import CYCLES
 from .working import rendered_layer
 
+NO_DENOISER = "this Blender has no denoiser: both eyes stay noisy, as after F12"
+"""Warning about a scene that is to be denoised in a Blender that cannot."""
+
 
 def denoises(scene: bpy.types.Scene) -> bool:
     """Return whether the renders of a working scene are to be denoised: Cycles, its settings and its view layer ask for

@@ -10,8 +10,8 @@ from mathutils import Vector
 from numpy.typing import NDArray
 
 from ...errors import BadInputError
-from ...views.camera import Camera
-from ...views.depth_range import EdgeHit, FramePixels, edge_positions, grid_positions, typical_range
+from ...views.camera import Camera, OrthographicCamera
+from ...views.depth_range import FAR_EYE, EdgeHit, FramePixels, edge_positions, grid_positions, typical_range
 from .rig import FrameRegion, frame_region, stereo_cameras
 
 GRID_COLUMNS, GRID_ROWS = 48, 27
@@ -27,9 +27,6 @@ MAX_PASSED_SURFACES = 16
 PASSED_SHARE = 1e-5
 """Share of its distance by which a ray goes on behind a surface that it passes through: above the rounding of the
 single-precision numbers in which Blender casts rays."""
-
-FAR_EYE = {"left": "right", "right": "left"}
-"""The eye that loses more of a thing in front of the screen at each edge of the frame: that of the other side."""
 
 
 def frame_pixels(region: FrameRegion) -> FramePixels:
@@ -50,8 +47,9 @@ def measure_depth(
     clip = camera.data.clip_start, camera.data.clip_end
     hits = cast_rays(scene, depsgraph, eyes["left"], grid_positions(frame, GRID_COLUMNS, GRID_ROWS), clip)
     depth = np.array([hit_depth for hit_depth, _ in hits])
-    if scene.render.film_transparent and np.isfinite(depth).any():
-        # No sky is in the picture.
+    # The sky of parallel rays has no place on the screen where the eyes are turned.
+    shows_sky = not scene.render.film_transparent and not isinstance(eyes["left"], OrthographicCamera)
+    if not shows_sky and np.isfinite(depth).any():
         depth = depth[np.isfinite(depth)]
     found = typical_range(depth)
     if found is None:

@@ -10,7 +10,7 @@ from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
 from ...words import Words
 from .compositor import compositor_blocker, gives_a_picture, has_compositor
-from .denoiser import has_denoiser
+from .denoiser import NO_DENOISER, has_denoiser
 from .engine_support import engine_warnings
 from .instancing import brought_along
 from .missing import missing_files, missing_libraries
@@ -57,7 +57,7 @@ def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) ->
             warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
     denoised = scene.cycles.use_denoising if overrides.denoise is None else overrides.denoise
     if _engine_of(scene, overrides) == CYCLES and denoised and not has_denoiser(scene):
-        warnings.append("this Blender has no denoiser: both eyes stay noisy, as after F12")
+        warnings.append(NO_DENOISER)
     warnings += _unbaked(scene)
     warnings += missing_files(scene)
     if bpy.app.autoexec_fail:

@@ -1,0 +1,62 @@
+"""Look at the pair from a panel elsewhere than in an Image Editor: in the editor that shows it, or in a new one."""
+
+from __future__ import annotations
+
+import bpy
+
+from .jobs import running
+from .pictures import find_editor, image_editors
+from .text import reported, shown
+from .view_modes import MODES, NO_PAIR, WIGGLE, mode_in, pair_in
+
+
+class STEREO_REPROJECT_OT_look(bpy.types.Operator):
+    """Look at the stereo pair in the Image Editor that shows it; where none does, one opens"""
+
+    bl_idname = "stereo_reproject.look"
+    bl_label = "Look at Stereo Pair"
+
+    mode: bpy.props.EnumProperty(name="Mode", items=[(mode, *texts) for mode, texts in MODES.items()])
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip, which is its mode's."""
+        return MODES[properties.mode][1]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether there is a pair and no job that is about to replace it: beside a job's thread no operator may
+        run under another context, see `zoom_to_fit` in `pictures`.
+        """
+        cls.poll_message_set(shown(NO_PAIR))
+        return running() is None and context.window is not None and pair_in(context) is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Show the pair in this mode; report an error where no Image Editor can be had."""
+        found = _window_and_editor()
+        if found is None:
+            bpy.ops.render.view_show("INVOKE_DEFAULT")
+            found = _window_and_editor()
+        if found is None:
+            self.report({"ERROR"}, reported("No Image Editor could be opened: turn an editor into one"))
+            return {"CANCELLED"}
+        window, area = found
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+            if self.mode == WIGGLE:
+                bpy.ops.stereo_reproject.wiggle("INVOKE_DEFAULT")
+            else:
+                bpy.ops.stereo_reproject.show_view(mode=self.mode)
+        return {"FINISHED"}
+
+
+def _window_and_editor() -> tuple[bpy.types.Window, bpy.types.Area] | None:
+    """Return the Image Editor that shows the pair, with its window; None where there is none."""
+    area = find_editor()
+    return next(((window, other) for window, other in image_editors() if other == area), None)
+
+
+def mode_elsewhere() -> str | None:
+    """Return the mode in which an Image Editor shows the pair, a key of `MODES`; None if in none."""
+    found = _window_and_editor()
+    return None if found is None else mode_in(found[0], found[1].spaces.active)

@@ -1,0 +1,44 @@
+"""Text on a dark strip, drawn over an editor: it can be read on any picture."""
+
+from __future__ import annotations
+
+import blf
+import gpu
+from gpu_extras.batch import batch_for_shader
+
+FONT, SIZE_PX, MARGIN_PX = 0, 12.0, 8.0
+
+TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
+STRIP_COLOUR = (0.0, 0.0, 0.0, 0.6)
+
+
+def text_width_px(text: str, scale: float) -> float:
+    """Return the width of a text on a strip in pixels; scale is the interface's."""
+    blf.size(FONT, SIZE_PX * scale)
+    return blf.dimensions(FONT, text)[0]
+
+
+def strip_height_px(scale: float) -> float:
+    """Return the height of a strip in pixels; scale is the interface's."""
+    blf.size(FONT, SIZE_PX * scale)
+    return blf.dimensions(FONT, "Xg")[1] + 2.0 * MARGIN_PX * scale
+
+
+def draw_strip(corner: tuple[float, float], width: float, text_left: float, text: str, scale: float) -> None:
+    """Draw a strip of this width and a text on it. corner is its lower left corner and text_left where the text begins,
+    in pixels of the region that is being drawn; scale is the interface's.
+    """
+    (left, bottom), height = corner, strip_height_px(scale)
+    right, top = left + width, bottom + height
+    blend = gpu.state.blend_get()
+    gpu.state.blend_set("ALPHA")
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    strip = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
+    shader.uniform_float("color", STRIP_COLOUR)
+    strip.draw(shader)
+    gpu.state.blend_set(blend)
+    blf.size(FONT, SIZE_PX * scale)
+    blf.position(FONT, text_left, bottom + MARGIN_PX * scale, 0.0)
+    blf.color(FONT, *TEXT_COLOUR)
+    blf.draw(FONT, text)
