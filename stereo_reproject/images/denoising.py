@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .contrast import box_sum
 from .metrics import squared_error
 from .passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from .sides import mend_sides
 from .tuning import TUNING
 
 Denoise = Callable[[Sequence[Passes]], list[NDArray[np.float32]]]
@@ -29,16 +30,22 @@ class Denoising:
     """A denoiser, and how much noise it leaves.
 
     remaining_noise is the share of a pixel's variance, from 0 to 1, that is left after denoising; it is 1 as long as it
-    was not measured, which the function `remaining_noise` does.
+    was not measured, which the function `remaining_noise` does. wraps: True where pictures go on at their left beyond
+    their right side: the denoiser then sees `ImagesTuning.denoise_sides_px` of the other side beyond each.
     """
 
     denoise: Denoise
     remaining_noise: float = 1.0
+    wraps: bool = False
 
     def denoised_colour(self, passes: Passes) -> NDArray[np.float32]:
         """Return the denoised scene-linear colour (H, W, 4) of a picture's NOISY_PASS; alpha is not denoised."""
         colour = passes[NOISY_PASS].copy()
-        colour[..., :3] = self.denoise([denoiser_inputs(passes)])[0]
+        inputs, beyond = denoiser_inputs(passes), 0
+        if self.wraps:
+            beyond = TUNING.denoise_sides_px
+            inputs = {name: np.pad(i, ((0, 0), (beyond, beyond), (0, 0)), mode="wrap") for name, i in inputs.items()}
+        colour[..., :3] = self.denoise([inputs])[0][:, beyond : beyond + colour.shape[1]]
         return colour
 
 
@@ -66,11 +73,17 @@ def denoise_target(
         return target
     own = np.where(warped, 0.0, 1.0)
     if refined is not None and refined.any():
-        reach = TUNING.blend_reach_px
-        near = box_sum(refined, (reach, reach)) / (2 * reach + 1) ** 2
+        near = _share_around(refined)
+        mend_sides([near], lambda columns: [_share_around(refined[:, columns])], wraps=denoising.wraps)
         own = np.maximum(own, np.minimum(2.0 * near, 1.0))
     blended = colour + own[..., None] * (denoising.denoised_colour(target) - colour)
     return {**target, COLOUR_PASS: blended.astype(np.float32)}
+
+
+def _share_around(refined: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the share (H, W) of refined pixels (H, W) within `ImagesTuning.blend_reach_px` of each pixel."""
+    reach = TUNING.blend_reach_px
+    return box_sum(refined, (reach, reach)) / (2 * reach + 1) ** 2
 
 
 def remaining_noise(source: Passes, denoise: Denoise) -> float:

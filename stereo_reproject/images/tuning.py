@@ -51,6 +51,10 @@ class ImagesTuning:
     denoise_windows: tuple[int, int] = (2, 4)
     """Number of those parts, down and across. By hand; on living-room, classroom and bathroom the noise that they find
     to be left is 0.77, 0.81 and 1.14 times that between two renders (docs/production.md)."""
+    denoise_sides_px: int = 32
+    """Columns of the other side that the denoiser sees beyond each side of a picture of a whole turn. By measurement on
+    classroom: with none the sides differ by 2.3 times as much as they do in the middle of a picture, with these by 1.04
+    times (docs/accuracy.md)."""
     window_margin_px: int = 24
     """Pixels along the border of such a part that are not read: the denoiser sees less around them than it does in the
     whole picture. By hand."""

@@ -23,7 +23,7 @@ from .tuning import TUNING
 
 SECOND_RENDER = "a second EEVEE render"
 
-NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wrong warp"
+NO_PROBES = "Cycles' light is not EEVEE's, and spot checks cannot tell that from an error"
 
 
 class LightMatcher(Protocol):

@@ -15,6 +15,7 @@ from ..images.reflected_light import without_sparks
 from ..images.seen_light import display_scale, scaled_light
 from ..settings.accuracy import Accuracy, for_denoised, for_size
 from ..trace.fill import SourceCost
+from ..views.camera import goes_round
 from ..warp.composite import not_numbers, replace_non_finite
 from ..warp.rendered_view import RenderedView
 from .stages import Stage
@@ -71,7 +72,8 @@ def render_source(task: FrameTask, accuracy: Accuracy, *, light_scale: float | N
     denoising = None
     if renderer.denoise is not None:
         watch.lap(Stage.DENOISE_SOURCE)
-        denoising, accuracy = Denoising(renderer.denoise), for_denoised(accuracy)
+        denoising = Denoising(renderer.denoise, wraps=goes_round(task.source.camera))
+        accuracy = for_denoised(accuracy)
         passes = denoise_source(passes, denoising)
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
         # No closure: it would keep the passes in memory.

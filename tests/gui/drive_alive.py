@@ -19,6 +19,7 @@ from drive_common import (
     press,
     redrawn,
     region_of,
+    results,
     run_steps,
     set_up,
     shoot,
@@ -201,6 +202,23 @@ def without_an_image_editor():
         facts[f"opened as {display}"] = [opened, closed, left()]
 
 
+def click_twice_on_animation():
+    """The second click comes where Cancel stands by then."""
+    bpy.context.preferences.view.render_display_type = "AREA"
+    yield from click("VIEW_3D", "UI", "stereo_reproject_animation()")
+    facts["begun"] = jobs().running() is not None
+    press("LEFTMOUSE")
+    yield from redrawn()
+    run = jobs().running()
+    facts["double click"] = run is not None and not run.is_ending
+    shoot("double_click")
+    yield 1.0
+    press("LEFTMOUSE")
+    yield from ended()
+    facts["click on cancel"] = results().ended
+    yield 0.5
+
+
 def fail_without_an_image_editor():
     module = importlib.import_module(f"{MODULE}.operators.run")
     errors = importlib.import_module(f"{MODULE}.stereo_reproject.errors")
@@ -254,6 +272,7 @@ run_steps(
         turn_to_something_else,
         animate,
         without_an_image_editor,
+        click_twice_on_animation,
         fail_without_an_image_editor,
         open_another_file_under_way,
     )

@@ -90,6 +90,12 @@ def test_an_editor_that_opens_for_a_run_closes_after_escape(facts, display, wind
     assert images == []
 
 
+def test_a_double_click_does_not_cancel_an_animation_and_a_later_click_does(facts):
+    assert facts["begun"]
+    assert facts["double click"]
+    assert facts["click on cancel"].startswith("Cancelled: ")
+
+
 @pytest.mark.parametrize("display", ["AREA", "WINDOW"])
 def test_an_error_is_reported_where_an_editor_was_opened_for_the_run(facts, display):
     assert facts[f"failed as {display}"] == [1, []]

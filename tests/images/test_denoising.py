@@ -129,3 +129,23 @@ def test_beside_what_was_refined_the_warped_colours_change_over():
     assert np.allclose(finished[:30], 0.7)
     assert np.all(np.diff(finished[30:41]) <= 1e-6)
     assert np.abs(np.diff(finished)).max() < 0.05
+
+
+@pytest.mark.parametrize("turn", [1, 20, -33])
+def test_a_picture_of_a_whole_turn_is_denoised_alike_wherever_its_sides_are(turn):
+    target = picture((64, 96))
+    target[COLOUR_PASS] = np.full_like(target[COLOUR_PASS], 0.7)
+    refined = np.zeros((64, 96), bool)
+    refined[20:40, 4:20] = True
+
+    def finished(turn, *, wraps):
+        passes = {name: np.roll(image, turn, axis=1) for name, image in target.items()}
+        pixels = np.roll(refined, turn, axis=1)
+        done = denoise_target(passes, ~pixels, Denoising(blurred, wraps=wraps), refined=pixels)
+        whole = denoise_source(passes, Denoising(blurred, wraps=wraps))
+        return np.roll(np.stack([done[COLOUR_PASS], whole[COLOUR_PASS]]), -turn, axis=2)
+
+    plain = finished(0, wraps=True)
+    np.testing.assert_allclose(finished(turn, wraps=True), plain, atol=1e-6)
+    off = np.abs(finished(0, wraps=False) - plain).max(axis=(1, 2, 3))
+    assert (off > 1e-3).all()
