@@ -227,8 +227,7 @@ class ProbedTracing:
         evidence = self._evidence
         if evidence is None:
             return self._unrefined()
-        accuracy = self._accuracy
-        chosen, by_own = tiles_to_trace(evidence, self._promise, accuracy.tile_limit, unseen=accuracy.unseen)
+        chosen, by_own = self._chosen_tiles(evidence)
         tiles = evidence.probes.pixels_of(chosen) & ~self.target.any_of(Provenance.NOTHING)
         pixels = tiles & ~self.target.traced
         if not pixels.any():
@@ -245,6 +244,19 @@ class ProbedTracing:
         done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], by_own, self._variance_share)
         evidence = with_refined(evidence, done, noise)
         return Refinement(pixels, fill, estimate(evidence), evidence)
+
+    @property
+    def share_to_refine(self) -> float:
+        """Share of the target's pixels, 0 to 1, that `refine` will trace; 0 without probes."""
+        evidence = self._evidence
+        if evidence is None:
+            return 0.0
+        return float(np.mean(evidence.probes.pixels_of(self._chosen_tiles(evidence)[0]) & ~self.target.traced))
+
+    def _chosen_tiles(self, evidence: TileEvidence) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Return what `tiles_to_trace` chooses by the target's accuracy."""
+        limit, unseen = self._accuracy.tile_limit, self._accuracy.unseen
+        return tiles_to_trace(evidence, self._promise, limit, unseen=unseen)
 
     def _unrefined(self) -> Refinement:
         """Return the refinement of a target without probes' evidence: nothing probed it, or it was rendered whole at

@@ -24,9 +24,6 @@ class PipelineTuning:
     halved_gap_share: float = 0.7
     """Share of a view that must be traced, over that share where the two views that it is made from are twice as far
     apart. Measured on a large interior, by two views 2 to 32 steps of a display apart: 6.2, 12, 14, 20 and 26 %."""
-    gap_mean_share: float = 0.66
-    """Mean share that must be traced over all views between two others, over that of the view in the middle: follows
-    from the measurements of halved_gap_share, as a power of the distance."""
     batch_pixels: int = 4_000_000
     """Pixels of the views whose holes are traced in one render: each takes about 150 bytes until it is finished, and a
     render call costs its seconds once. By hand."""

@@ -7,6 +7,7 @@ be traced: by the views measured for the tuning the share grows by the same fact
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -55,7 +56,7 @@ class ViewCosts:
 
     def of_making(self, count: int, share: float) -> float:
         """Return the cost of making so many views of one gap, of whose middle one a share, 0 to 1, is to be traced."""
-        return count * (self.made + self.traced * TUNING.gap_mean_share * share)
+        return count * (self.made + self.traced * _mean_share(count) * share)
 
     def of_gap(self, count: int, share: float) -> float:
         """Return the least cost of so many views of a gap, of whose middle one a share, 0 to 1, is to be traced: they
@@ -65,6 +66,15 @@ class ViewCosts:
     def is_split(self, count: int, share: float) -> bool:
         """Return whether the view in the middle of a gap is better rendered whole, as for `of_gap`."""
         return self.of_gap(count, share) < self.of_making(count, share)
+
+
+@cache
+def _mean_share(count: int) -> float:
+    """Return the mean share that must be traced of so many views of a gap, over that of the one in the middle: it grows
+    as a power of the distance to the nearer end."""
+    power = -math.log2(TUNING.halved_gap_share)
+    ends = (min(number, count + 1 - number) for number in range(1, count + 1))
+    return sum((2.0 * end / (count + 1)) ** power for end in ends) / count
 
 
 @cache

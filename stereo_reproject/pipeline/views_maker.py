@@ -15,7 +15,7 @@ from ..images.passes import Passes, without_internal_passes
 from ..settings.accuracy import Accuracy
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
-from ..trace.fill import SourceCost
+from ..trace.fill import FillChoice, SourceCost
 from ..trace.requests import run_together
 from ..views.view import View
 from .finishing import Completed, composited, denoised
@@ -119,11 +119,16 @@ class ViewsMaker:
         warped = warp_sources(task, sources, seed=self.renderer.seed + PROBE_SEED_STEP * number)
         return ProbedTracing(self.renderer, warped)
 
-    def completed(self, ends: Sequence[int], tracings: Sequence[ProbedTracing]) -> list[Completed]:
-        """Return views that were warped from those of the numbers `ends`, traced together: holes and probes, then what
-        these ask for."""
+    def filled(self, tracings: Sequence[ProbedTracing]) -> list[FillChoice]:
+        """Trace the holes and the probes of warped views together; return how."""
         self.watch.lap(Stage.FILL)
-        fills = run_together([tracing.fill_steps() for tracing in tracings], self.renderer)
+        return run_together([tracing.fill_steps() for tracing in tracings], self.renderer)
+
+    def completed(
+        self, ends: Sequence[int], tracings: Sequence[ProbedTracing], fills: Sequence[FillChoice]
+    ) -> list[Completed]:
+        """Return views that were warped from those of the numbers `ends`, and filled so, once what their probes ask for
+        is traced, together."""
         self.watch.lap(Stage.REFINE)
         refinements = run_together([tracing.refine_steps() for tracing in tracings], self.renderer)
         sources = tuple(self.sources[end] for end in ends)

@@ -21,8 +21,8 @@ def test_what_needs_no_tracing_is_made(count):
 
 
 def test_a_view_alone_in_its_gap_is_rendered_where_that_is_cheaper():
-    assert not ViewCosts(1.0, 0.0).is_split(1, 1.0)
-    assert ViewCosts(2.0, 0.0).is_split(1, 1.0)
+    assert not ViewCosts(0.99, 0.0).is_split(1, 1.0)
+    assert ViewCosts(1.01, 0.0).is_split(1, 1.0)
 
 
 def test_more_views_in_a_gap_are_a_reason_to_split_it():
