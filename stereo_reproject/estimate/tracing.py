@@ -255,8 +255,7 @@ class ProbedTracing:
 
     def _chosen_tiles(self, evidence: TileEvidence) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Return what `tiles_to_trace` chooses by the target's accuracy."""
-        limit, unseen = self._accuracy.tile_limit, self._accuracy.unseen
-        return tiles_to_trace(evidence, self._promise, limit, unseen=unseen)
+        return tiles_to_trace(evidence, self._promise, self._accuracy.tile_limit, unseen=self._accuracy.unseen)
 
     def _unrefined(self) -> Refinement:
         """Return the refinement of a target without probes' evidence: nothing probed it, or it was rendered whole at
