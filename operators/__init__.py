@@ -31,16 +31,20 @@ def _classes() -> tuple[type, ...]:
         stereo,
         view_modes,
         viewing,
+        views,
+        views_properties,
         wiggle_export,
     )
 
     return (
         preferences.StereoReprojectPreferences,
+        views_properties.StereoReprojectViews,
         properties.StereoReprojectSettings,
         jobs.STEREO_REPROJECT_OT_cancel,
         jobs.STEREO_REPROJECT_OT_listen,
         render.RENDER_OT_stereo_reproject_image,
         render.RENDER_OT_stereo_reproject_animation,
+        views.RENDER_OT_stereo_reproject_views,
         render.STEREO_REPROJECT_OT_check_scene,
         viewing.RENDER_OT_stereo_reproject_view_animation,
         kept.STEREO_REPROJECT_OT_open_kept,
@@ -69,7 +73,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import depth_view, keys, manual, panels, preset_menu, properties, slots, view_modes
+    from . import cone_view, depth_view, keys, manual, panels, preset_menu, properties, slots, view_modes
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -78,6 +82,7 @@ def register() -> None:
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
     keys.add_shortcuts()
     depth_view.add_drawing()
+    cone_view.add_drawing()
     manual.add_manual()
     preset_menu.add_own_presets()
     slots.watch()
@@ -103,7 +108,7 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, keys, manual, panels, preset_menu, screen_here, slots, view_modes
+    from . import cone_view, depth_view, keys, manual, panels, preset_menu, screen_here, slots, view_modes
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -112,6 +117,7 @@ def unregister() -> None:
     preset_menu.remove_own_presets()
     manual.remove_manual()
     keys.remove_shortcuts()
+    cone_view.remove_drawing()
     depth_view.remove_drawing()
     screen_here.put_away()
     view_modes.unwatch()

@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import blf
 import bpy
-import gpu
 import numpy as np
-from bpy_extras import view3d_utils
-from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
-from numpy.typing import NDArray
 
 from ..stereo_reproject.blender.scene.depth import frame_pixels
 from ..stereo_reproject.blender.scene.rig import convergence_of_screen, frame_region
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.comfort import comfort_limits, depth_at_parallax
 from ..stereo_reproject.views.depth_range import frame_corners
+from .plane_drawing import Colour, Plane, draw_labels, draw_planes
 from .stereo import check_editable, eyes_of, set_screen_depth, viewing_conditions
-
-Colour = tuple[float, float, float, float]
 
 SCREEN_COLOUR: Colour = (1.0, 0.75, 0.2, 1.0)
 LIMIT_COLOUR: Colour = (0.35, 0.75, 1.0, 1.0)
-
-FILL_ALPHA = 0.12
-"""Opacity of a plane, enough to tell what is before it from what is behind it."""
-
-LINE_WIDTH_PX, LABEL_SIZE_PX, LABEL_OFFSET_PX = 1.5, 12.0, 4.0
 
 ARROW_LENGTH = 0.6
 """Length of the arrow's stem, in lengths of Blender's own arrows."""
@@ -46,20 +33,6 @@ RIGHT_EYE_SHARE = {"LEFT": 0.0, "CENTER": 0.5, "RIGHT": 1.0}
 """Place of the camera between the left eye, 0, and the right one, 1, by its pivot."""
 
 _handlers: list[object] = []
-
-
-@dataclass(frozen=True)
-class Plane:
-    """A plane across the camera's view: its name, the places of its corners in the world (4, 3), and its colour.
-
-    label_share is the place of its name along its upper edge, as a share from the left: through the camera, the edges
-    of all planes lie in one line.
-    """
-
-    name: str
-    corners: NDArray[np.float64]
-    colour: Colour
-    label_share: float
 
 
 def planes_of(scene: bpy.types.Scene) -> list[Plane]:
@@ -82,7 +55,8 @@ def planes_of(scene: bpy.types.Scene) -> list[Plane]:
         if depth is not None and np.isfinite(depth):
             ends = [frame_corners(eye, frame, depth) for eye in (left, right)]
             corners = ends[0] + share_of_right * (ends[1] - ends[0])
-            planes.append(Plane(name, corners, colour, label_share))
+            # Through the camera, the nearest plane would veil the whole picture.
+            planes.append(Plane(name, corners, colour, label_share, fills_frame=name == "Screen"))
     return planes
 
 
@@ -96,43 +70,13 @@ def _shown_planes() -> list[Plane]:
 
 
 def _draw_planes() -> None:
-    """Draw the planes among the objects of a 3D View: translucent, with an outline."""
-    planes = _shown_planes()
-    if not planes:
-        return
-    fill, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
-    region = bpy.context.region
-    before = gpu.state.blend_get(), gpu.state.depth_test_get()
-    gpu.state.blend_set("ALPHA")
-    gpu.state.depth_test_set("LESS_EQUAL")
-    try:
-        for plane in planes:
-            corners = [tuple(corner) for corner in plane.corners]
-            # Through the camera, the nearest plane would veil the whole picture.
-            if plane.name == "Screen" or bpy.context.region_data.view_perspective != "CAMERA":
-                fill.uniform_float("color", (*plane.colour[:3], FILL_ALPHA))
-                batch_for_shader(fill, "TRIS", {"pos": corners}, indices=((0, 1, 2), (0, 2, 3))).draw(fill)
-            line.uniform_float("viewportSize", (region.width, region.height))
-            line.uniform_float("lineWidth", LINE_WIDTH_PX * bpy.context.preferences.system.ui_scale)
-            line.uniform_float("color", plane.colour)
-            batch_for_shader(line, "LINES", {"pos": corners}, indices=((0, 1), (1, 2), (2, 3), (3, 0))).draw(line)
-    finally:
-        gpu.state.blend_set(before[0])
-        gpu.state.depth_test_set(before[1])
+    """Draw the planes among the objects of a 3D View."""
+    draw_planes(_shown_planes())
 
 
 def _draw_labels() -> None:
-    """Draw the planes' names over a 3D View, each at the upper edge of its plane."""
-    region, scale = bpy.context.region, bpy.context.preferences.system.ui_scale
-    for plane in _shown_planes():
-        place = plane.corners[3] + plane.label_share * (plane.corners[2] - plane.corners[3])
-        at = view3d_utils.location_3d_to_region_2d(region, bpy.context.region_data, Vector(place))
-        if at is None:
-            continue
-        blf.size(0, LABEL_SIZE_PX * scale)
-        blf.color(0, *plane.colour)
-        blf.position(0, at.x, at.y + LABEL_OFFSET_PX * scale, 0.0)
-        blf.draw(0, plane.name)
+    """Draw the planes' names over a 3D View."""
+    draw_labels(_shown_planes())
 
 
 class STEREO_REPROJECT_GGT_screen(bpy.types.GizmoGroup):

@@ -79,13 +79,9 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
     """Draw the render buttons in two rows. While a job runs, its progress and a button that cancels it stand there, in
     rows of the same height.
     """
-    run = running()
     column = layout.column(align=True)
     column.scale_y = BUTTON_SCALE
-    if run is not None:
-        fraction, words = progress_of(run)
-        column.progress(factor=fraction, text=shown(words))
-        column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
+    if draw_progress(column):
         return
     second_blender.keep_ready()
     image = RENDER_OT_stereo_reproject_image.bl_idname
@@ -96,6 +92,17 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
     text = "Render Animation"
     icon = "RENDER_ANIMATION" if fits(bpy.context, text, 1.0, ICON_PX + TEXT_MARGINS_PX) else "NONE"
     column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text=text, icon=icon)
+
+
+def draw_progress(column: bpy.types.UILayout) -> bool:
+    """Draw the progress of the running job and a button that cancels it. Return False where no job is running."""
+    run = running()
+    if run is None:
+        return False
+    fraction, words = progress_of(run)
+    column.progress(factor=fraction, text=shown(words))
+    column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
+    return True
 
 
 def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

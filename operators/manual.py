@@ -14,6 +14,7 @@ PAGES = Path(__file__).resolve().parents[1] / "docs"
 
 SECTIONS = (
     ("bpy.types.stereoreprojectpreferences*", "artists.md#shortcuts-presets-and-preferences"),
+    ("bpy.types.stereoreprojectviews*", "artists.md#views-for-light-field-displays"),
     ("bpy.types.stereoreprojectsettings.use_scripts", "troubleshooting.md#what-it-says"),
     ("bpy.types.stereoreprojectsettings.viewing_distance", "artists.md#depth"),
     ("bpy.types.stereoreprojectsettings.show_depth", "artists.md#depth"),
@@ -31,6 +32,7 @@ SECTIONS = (
     ("bpy.ops.stereo_reproject.export_wiggle*", "artists.md#looking-at-it-without-glasses"),
     ("bpy.ops.stereo_reproject*", "artists.md#the-result"),
     ("bpy.ops.render.stereo_reproject_image*", "artists.md#from-the-zip-to-a-first-preview"),
+    ("bpy.ops.render.stereo_reproject_views*", "artists.md#views-for-light-field-displays"),
     ("bpy.ops.render.stereo_reproject*", "artists.md#the-result"),
 )
 """Names of properties and operators, in small letters and with wildcards, each with its page and section. The first

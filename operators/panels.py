@@ -35,6 +35,7 @@ from .stereo import STEREO_REPROJECT_OT_set_convergence
 from .text import sentence, shown
 from .view_row import draw_modes_elsewhere
 from .viewing import RENDER_OT_stereo_reproject_view_animation
+from .views_panel import Views
 
 MAX_SHOWN_EFFECTS = 6
 
@@ -239,6 +240,7 @@ def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
         "details": Details,
         "camera": _Camera,
         "headset": Headset,
+        "views": Views,
         "check": _Check,
         "engine": _Engine,
         "layout": _Layout,

@@ -8,6 +8,9 @@ from .text import reported
 
 NAME = "Stereo {}"
 
+QUILT = NAME.format("Quilt")
+"""Name of the image that shows the quilt of many views."""
+
 SHOWN = [
     ("PAIR", "Stereo Pair", "The Render Result, with both eyes"),
     *((key, name, description) for key, (_, name, description) in PICTURES.items()),
@@ -81,8 +84,8 @@ def picture_names() -> set[str]:
 
 
 def is_ours(image: bpy.types.Image) -> bool:
-    """Return whether an image explains a pair, or shows it without glasses."""
-    return image.name in picture_names() or kind_of(image) is not None
+    """Return whether an image explains a pair, shows it without glasses, or is the quilt of many views."""
+    return image.name in picture_names() or image.name == QUILT or kind_of(image) is not None
 
 
 def find_editor() -> bpy.types.Area | None:

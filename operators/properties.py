@@ -9,7 +9,9 @@ from ..stereo_reproject.report.verdict import accuracy_name
 from ..stereo_reproject.settings.accuracy import SETTINGS
 from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, MAX_SIZE, PACKED_CAMERAS, StereoSettings
 from .headset import CHOICES, FLAT, HEIGHT_PX, LEAST_HEIGHT_PX
+from .plane_drawing import redraw_views
 from .preferences import EYE_DISTANCE, MIN_PREVIEW_PX, SCREEN_WIDTH, VIEWING_DISTANCE, preferred, promise
+from .views_properties import StereoReprojectViews
 
 FILLS = {
     "auto": "Whichever is likely to be fastest for this frame on this device",
@@ -69,14 +71,6 @@ def _accuracy(settings: bpy.types.PropertyGroup) -> int:
 def _choose_accuracy(settings: bpy.types.PropertyGroup, item: int) -> None:
     """Keep the accuracy that was chosen in the scene, given by its number among the items."""
     settings.own_accuracy = list(SETTINGS)[item]
-
-
-def redraw_views(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Have all 3D Views drawn again, also those of other windows."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 class StereoReprojectSettings(bpy.types.PropertyGroup):
@@ -196,3 +190,4 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         default=False,
         update=redraw_views,
     )
+    views: bpy.props.PointerProperty(type=StereoReprojectViews)

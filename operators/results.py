@@ -93,6 +93,15 @@ class KnownDepth:
         return cls(near, far, report["frame"], edges)
 
 
+@dataclass(frozen=True)
+class DeliveredViews:
+    """Many views that were rendered: their report, the folder with their files, and the time of day."""
+
+    report: Mapping[str, Any]
+    folder: Path
+    clock: str
+
+
 @dataclass
 class Result:
     """Results of one scene: its last pair's report and pictures, and the findings of its last check."""
@@ -112,6 +121,8 @@ class Result:
     """Line about the last fit to comfort; "" before the first."""
     fitted_to: tuple[float, float] = (0.0, 0.0)
     """Interocular and convergence distance that the fit has set."""
+    views: DeliveredViews | None = None
+    """Many views that were rendered last; None before the first."""
     run: BackgroundJob | None = None
     """Job that still holds the pictures."""
     ended: str = ""
@@ -184,6 +195,12 @@ def keep_animation(scene: bpy.types.Scene, run: BackgroundJob, delivery: Deliver
         result.run.close()
     result.report = result.run = None
     result.animation, result.warnings, result.delivery = run.report, run.warnings, delivery
+
+
+def keep_views(scene: bpy.types.Scene, views: DeliveredViews) -> None:
+    """Keep what is known of many views for the panels. What is kept of the scene's last pair stays."""
+    _forget_gone()
+    result_of(scene).views = views
 
 
 def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:

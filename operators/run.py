@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 
@@ -23,6 +23,7 @@ from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.jobs.frames_progress import FramesProgress
 from ..stereo_reproject.jobs.progress import Progress
 from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
+from ..stereo_reproject.jobs.views_progress import ViewsProgress
 from ..stereo_reproject.jobs.work_folder import work_folder
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.supervisor import run_animation
@@ -71,13 +72,16 @@ class BackgroundJob:
     at the start; `name` is the open file's name without extension, `beside` its folder (None if it was never saved).
     """
 
+    stage_words: ClassVar[Mapping[str, str]] = {}
+    """Words for the user of stages, by their names, that are others in this job than usual."""
+
     def __init__(
         self,
         scene: bpy.types.Scene,
         settings: StereoSettings,
         command: str,
         files: Sequence[str],
-        progress: Progress | FramesProgress,
+        progress: Progress | FramesProgress | ViewsProgress,
         *,
         animation: Animation | None = None,
         pictures: Pictures = Pictures.NONE,

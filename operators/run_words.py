@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..stereo_reproject.jobs.progress import left_words
-from ..stereo_reproject.jobs.supervisor import FRAME
+from ..stereo_reproject.jobs.supervisor import FRAME, VIEW
 from ..stereo_reproject.pipeline.stages import words_of
 from ..stereo_reproject.report.verdict import saved_words
 from ..stereo_reproject.words import Words
@@ -15,8 +15,8 @@ GOES_ON_WITHOUT_OVERWRITE = "To go on with the others, switch off Overwrite in O
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
-    """Return how far a run is: as a number from 0 to 1, and as a short text with the frame of an animation, the share
-    and the time that is left; once it was asked to end, that it does so.
+    """Return how far a run is: as a number from 0 to 1, and as a short text with the frame of an animation or the view
+    of many, the share and the time that is left; once it was asked to end, that it does so.
     """
     fraction, remaining = run.far()
     if run.is_ending:
@@ -28,9 +28,12 @@ def progress_of(run: BackgroundJob) -> tuple[float, str]:
 
 
 def frame_words(run: BackgroundJob) -> str:
-    """Return which frame of an animation is rendered and which of all it is, as "Frame 12 (3 of 48)"; "" where no frame
-    is rendered.
+    """Return which frame of an animation is rendered and which of all it is, as "Frame 12 (3 of 48)", or which of many
+    views, as "View 12 of 48"; "" where neither is rendered.
     """
+    view = VIEW.fullmatch(run.detail)
+    if view is not None:
+        return Words("View {number} of {count}", number=int(view[1]), count=int(view[2]))
     if run.animation is None or not run.detail.startswith(FRAME):
         return ""
     frame, frames = int(run.detail.removeprefix(FRAME)), run.animation.frames
@@ -39,7 +42,7 @@ def frame_words(run: BackgroundJob) -> str:
 
 def stage_of(run: BackgroundJob) -> str:
     """Return in words what a run is doing; of an animation with the time saved so far."""
-    words = Words(words_of(run.stage))
+    words = Words(run.stage_words.get(run.stage) or words_of(run.stage))
     if run.detail and not frame_words(run):
         words = Words("{stage}, {detail}", stage=words, detail=run.detail)
     if run.saved is not None:

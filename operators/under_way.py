@@ -7,13 +7,14 @@ from functools import partial
 
 import bpy
 
+from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.jobs.supervisor import Event
 from .pictures import NAME, PAIR, find_editor, image_editors, is_ours, kind_of, render_result, zoom_to_fit
 from .progress_line import remove_line, show_line
 from .run import Pictures
 
-UNDER_WAY = NAME.format("Render ({} eye)")
-"""Name of the image that shows an eye as it is so far, by its view."""
+UNDER_WAY = NAME.format("Render ({})")
+"""Name of the image that shows an eye, or one of many views, as it is so far."""
 
 
 @dataclass
@@ -114,7 +115,8 @@ def update(picture: Event | None) -> None:
             _replace(editor, None)
             editor.image = ""
         return
-    name = UNDER_WAY.format(picture["view"])
+    view = picture["view"]
+    name = UNDER_WAY.format(f"{view} eye" if view in VIEWS else view)
     if not image.name.startswith(name):
         image.name = name
     editor.image = image.name
@@ -179,6 +181,23 @@ def hand_over() -> bool:
     before, result = bpy.data.images.get(editor.before), render_result()
     of_result = before is not None and result is not None and _pair_of(before) == result.name
     _replace(editor, before if of_result else result)
+    return True
+
+
+def hand_over_to(image: bpy.types.Image) -> bool:
+    """Have an image take the place of the job's image wherever that is shown, or of what the chosen editor shows where
+    no picture of the job ever was, and end with it; an editor that the user has turned to something else stays so.
+    Return False where no editor was chosen, or it is gone.
+    """
+    remove_line()
+    editor = _editors.pop() if _editors else None
+    area = None if editor is None else _area_of(editor)
+    if editor is None or area is None:
+        return False
+    _replace(editor, image)
+    space = area.spaces.active
+    if space.image is None or space.image.name == editor.before:
+        space.image = image
     return True
 
 

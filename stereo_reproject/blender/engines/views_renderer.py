@@ -106,17 +106,23 @@ def standing_beside(scene: bpy.types.Scene, offset: float) -> Iterator[str]:
         yield eye
 
 
+def check_views(camera: bpy.types.Object, engine: str) -> None:
+    """Raise BadInputError for an engine, by its name in Blender, or a camera that many views cannot be rendered
+    with."""
+    if engine != CYCLES:
+        raise BadInputError("many views are rendered by Cycles alone: set Cycles as engine")
+    if camera.data.type != "PERSP":
+        message = "camera {camera} is no perspective camera, which many views need: change its type"
+        raise BadInputError(Words(message, camera=repr(camera.name)))
+
+
 def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveCamera:
     """Have the camera of a working scene show the plane at this distance alike in both eyes (off-axis), both of which
     stand where the camera does; return it. Raises BadInputError for an engine or a camera that cannot do it.
     """
     camera = scene.camera
-    if scene.render.engine != CYCLES:
-        raise BadInputError("many views are rendered by Cycles alone: set Cycles as engine")
+    check_views(camera, scene.render.engine)
     data = camera.data
-    if data.type != "PERSP":
-        message = "camera {camera} is no perspective camera, which many views need: change its type"
-        raise BadInputError(Words(message, camera=repr(camera.name)))
     stereo = data.stereo
     stereo.use_spherical_stereo = False
     stereo.convergence_mode = MODES["off-axis"]

@@ -44,7 +44,7 @@ def check_file_outputs(scene: bpy.types.Scene) -> None:
         return
     for node in file_outputs(scene):
         folder = getattr(node, "directory", getattr(node, "base_path", ""))
-        if not node.mute and _needs_a_saved_file(folder):
+        if not node.mute and needs_a_saved_file(folder):
             raise BadInputError(
                 Words(
                     "the compositing node {node} writes beside a file that was never saved: save it, or mute that",
@@ -53,7 +53,7 @@ def check_file_outputs(scene: bpy.types.Scene) -> None:
             )
 
 
-def _needs_a_saved_file(path: str) -> bool:
+def needs_a_saved_file(path: str) -> bool:
     """Return whether an output path is relative to the .blend, and the open file was never saved."""
     return not bpy.data.filepath and (path.startswith("//") or BLEND_FOLDER in path)
 
@@ -131,7 +131,7 @@ def output_files(
     render = scene.render
     if not getattr(render, "save_output", True):
         raise BadInputError("Output is switched off in Output properties: no file of an animation would be written")
-    if _needs_a_saved_file(render.filepath):
+    if needs_a_saved_file(render.filepath):
         raise BadInputError("the output path is relative to a file that was never saved: save it, or change the path")
     if render.image_settings.views_format == "INDIVIDUAL":
         _check_suffixes(render)
