@@ -22,7 +22,7 @@ from tests.render.test_command_line import DEMO, FILES, SECONDS, environment, re
 LEAST, _ = SIZES_PX
 """Width of a cut-out in the sheet of a small panorama."""
 
-OPTIONS = ("--samples", "1", "--no-denoise", "--interocular", "0.2")
+OPTIONS = ("--samples", "1", "--no-denoise", "--interocular", "0.2", "--mode", "parallel")
 
 
 def eye(path):
