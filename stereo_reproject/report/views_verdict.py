@@ -52,8 +52,8 @@ def _quality(report: Mapping[str, Any]) -> Verdict:
         return Verdict(Words("{verdict} (measured)", verdict=Words(told)), good=good)
     made = [view for view in report["views"] if view["how"] == MADE]
     known = [view for view in made if view["honest_ratio"] is not None]
-    if made and promise is None:
-        return Verdict(UNPROMISED, good=None)
+    if promise is None:
+        return Verdict(UNPROMISED, good=None) if made else Verdict(AS_GOOD, good=True)
     if not known:
         return Verdict(AS_GOOD, good=True)
     worst = max(known, key=lambda view: view["honest_ratio"])

@@ -1,6 +1,6 @@
 """With a table of translations, panels and reports speak its language: texts as they are, and those with figures."""
 
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import bpy
 import pytest
@@ -156,6 +156,7 @@ class AnimationUnderWay:
 
     animation = SimpleNamespace(frames=range(11, 15))
     detail, stage, saved, frames_finished = "frame 13", "fill", 190.0, 2
+    stage_words = MappingProxyType({})
 
     def far(self):
         return 0.5, 42.0
