@@ -18,8 +18,8 @@ VALID_TAGS = SCRIPTS / "modules" / "_bpy_internal" / "extensions" / "tags.py"
 PAGES = {
     f"docs/{name}.md"
     for name in (
-        *("accuracy", "animation", "artists", "numerics", "performance", "production", "report", "results"),
-        *("scripting", "troubleshooting"),
+        *("accuracy", "animation", "artists", "many-views", "numerics", "performance", "production", "report"),
+        *("results", "scripting", "troubleshooting"),
     )
 }
 SHIPPED = {

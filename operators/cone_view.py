@@ -29,7 +29,7 @@ _handlers: list[object] = []
 
 @dataclass(frozen=True)
 class ConeShape:
-    """What is drawn of the cone, in the world's coordinates: the focus plane, and lines (N, 2, 3) by their two ends.
+    """Shape of the cone in the world's coordinates: the focus plane, and lines (N, 2, 3) by their two ends.
 
     cameras are the line on which the cameras stand, and a mark for each of them; angle goes from the outermost ones to
     the middle of the plane, and sides from them to its corners.
@@ -108,6 +108,9 @@ def _draw_cone() -> None:
     if cone is None:
         return
     draw_planes([cone.plane])
+    if bpy.context.region_data.view_perspective == "CAMERA":
+        # All the lines would lie in one, across the picture.
+        return
     draw_lines(cone.sides, SIDE_COLOUR)
     draw_lines(cone.angle, FOCUS_COLOUR)
     draw_lines(cone.cameras, FOCUS_COLOUR)

@@ -49,7 +49,8 @@ def draw_comfort(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     scene = context.scene
     stereo = scene.camera.data.stereo
     paragraph(layout, context, Words(NO_SCREEN, length=length_words(scene, stereo.interocular_distance)), icon="INFO")
-    parallel = stereo.convergence_mode == "PARALLEL"
+    # A perspective camera gets parallel eyes once it is set up for a headset.
+    parallel = stereo.convergence_mode == "PARALLEL" or scene.camera.data.type == "PERSP"
     apart = turned_apart_degrees(stereo.interocular_distance, math.inf if parallel else stereo.convergence_distance)
     if apart > MAX_VERGENCE_DEGREES:
         paragraph(layout, context, Words(TURNED_APART, degrees=f"{apart:.1f}"), icon="ERROR")

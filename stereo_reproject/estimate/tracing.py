@@ -253,7 +253,7 @@ class ProbedTracing:
             return 0.0
         return float(np.mean(evidence.probes.pixels_of(self._chosen_tiles(evidence)[0]) & ~self.target.traced))
 
-    def _chosen_tiles(self, evidence: TileEvidence) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    def _chosen_tiles(self, evidence: TileEvidence) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return what `tiles_to_trace` chooses by the target's accuracy."""
         return tiles_to_trace(evidence, self._promise, self._accuracy.tile_limit, unseen=self._accuracy.unseen)
 

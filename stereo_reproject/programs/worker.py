@@ -139,7 +139,7 @@ def _views(job: dict[str, Any], emit: Emit) -> None:
     scene, loaded = _open(job, emit, warn)
     with display_pixels(scene, views.aspect, settings.scene.size):
         report, files = render_views_files(
-            scene, settings, views, work, load_seconds=loaded, onlooker=_onlooker(job, emit)
+            scene, settings, views, work, load_seconds=loaded, onlooker=_onlooker(job, emit), warn=warn
         )
     _finish(report, files, emit, warn)
 

@@ -126,6 +126,22 @@ def test_progress_tells_the_view(extension, four, monkeypatch):
     assert list(fractions) == sorted(fractions)
 
 
+def test_the_texts_can_be_translated(extension, scene, monkeypatch):
+    from stereo_reproject_extension.operators import run_words, text, views_panel
+    from stereo_reproject_extension.operators.views_job import ViewsJob
+
+    table = {
+        "View {number} of {count}": "Ansicht {number} von {count}",
+        "Rendering a view whole": "Eine ganze Ansicht",
+        "{columns} x {rows} views of {width} x {height} pixels.": "{columns} x {rows} Ansichten",
+    }
+    monkeypatch.setattr(text, "pgettext_iface", lambda message: table.get(message, message))
+    run = SimpleNamespace(detail="view 12 of 48", stage="source", saved=None, stage_words=ViewsJob.stage_words)
+    assert text.shown(run_words.frame_words(run)) == "Ansicht 12 von 48"
+    assert text.shown(run_words.stage_of(run)) == "Eine ganze Ansicht"
+    assert text.shown(views_panel.quilt_words(scene)) == "8 x 6 Ansichten"
+
+
 @pytest.mark.parametrize("stage", ["load", "source", "warp", "write"])
 def test_cancelled(extension, four, monkeypatch, stage):
     from stereo_reproject_extension.operators import jobs, results, run

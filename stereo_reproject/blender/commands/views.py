@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -90,16 +90,18 @@ def render_views_files(
     *,
     load_seconds: float = 0.0,
     onlooker: Onlooker = NOBODY,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[str]]:
     """Render many views of one frame and write their files into work/out. Return the report, by the keys of
     report.json, and the files' names.
 
-    The parameters are those of `frame.render_files`; only the main view layer is rendered. Raises BadInputError and
+    The parameters are those of `frame.render_files`; only the main view layer is rendered. warn is called with each
+    warning that is known before anything is rendered; the report has them too. Raises BadInputError and
     StereoReprojectError.
     """
     folder = work / "out" / VIEWS_FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    report, kept = _render(scene, settings, views, work, folder, onlooker)
+    report, kept = _render(scene, settings, views, _Places(work, folder), onlooker, warn)
     onlooker.on_stage(Stage.WRITE)
     watch = Stopwatch()
     watch.lap(Stage.WRITE)
@@ -114,15 +116,23 @@ def render_views_files(
     return written, files
 
 
+@dataclass(frozen=True)
+class _Places:
+    """Folders of a run: `work`, for what passes between the stages, and that of the views' files."""
+
+    work: Path
+    views: Path
+
+
 def _render(
     scene: bpy.types.Scene,
     settings: StereoSettings,
     views: ViewsSettings,
-    work: Path,
-    folder: Path,
+    places: _Places,
     onlooker: Onlooker,
+    warn: Callable[[str], None],
 ) -> tuple[ViewsReport, PlainViews]:
-    """Render the views and write each into the folder as it is finished. Return the report, and what a comparison
+    """Render the views and write each into its folder as it is finished. Return the report, and what a comparison
     needs of them."""
     layer = check_layers(scene)[0]
     reports: dict[int, ViewReport] = {}
@@ -135,14 +145,19 @@ def _render(
     with working_scene(scene, settings.scene, layer=layer) as working:
         cone = cone_of(working, views)
         renderer = ViewsRenderer(
-            working, work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
+            working, places.work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
         )
+        facts = _facts(scene, working, renderer, cone)
+        for line in facts["warnings"]:
+            warn(line)
         kept = PlainViews(cone.offsets, cone.focus_distance, layer)
 
         def on_view(view: FinishedView) -> None:
             reports[view.number] = view_report(view)
             kept.add(view)
-            write_eye(folder / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata)
+            write_eye(
+                places.views / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata
+            )
             watch.show(view.name, lambda: colour(view.passes))
 
         def costs() -> TraceCosts:
@@ -151,7 +166,7 @@ def _render(
         maker = render_many_views(renderer, settings, views.names, on_view, watch=watch, known_costs=costs)
         learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
         kept.light_scale = maker.light_scale or 1.0
-        facts = _facts(scene, working, renderer, cone)
+        facts["packed_by"] = renderer.packed.name
     give_back_freed()
     ordered = tuple(reports[number] for number in sorted(reports))
     return _report(scene, settings, views, facts, maker, ordered), kept
@@ -169,7 +184,6 @@ def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, renderer: ViewsRend
         "cone_degrees": cone_degrees(cone.baseline, cone.focus_distance),
         "baseline": cone.baseline,
         "focus_distance": cone.focus_distance,
-        "packed_by": renderer.packed.name,
         "warnings": (
             *renderer.warnings,
             *cone_warnings(working, cone.offsets, cone.focus_distance),

@@ -13,7 +13,7 @@ from ..scene.working import changed
 from .output_paths import MOVIE_EXTENSION, SEPARATOR, needs_a_saved_file
 
 SUFFIX = "_views"
-"""What the folder's name has after that of the frame."""
+"""End of the folder's name, after that of the frame."""
 
 FRAME_TO_ITSELF = re.compile(r"(\d+)-\1$")
 """End of a movie's name, which has the first and the last frame; here both are the same."""

@@ -51,7 +51,7 @@ def apply_overrides(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides:
     if scene.render.engine == CYCLES:
         _apply_to_cycles(scene, overrides)
     if overrides.panorama is not None:
-        set_up_panorama(scene.render, camera, overrides.panorama)
+        set_up_panorama(scene.render, camera, overrides)
     stereo = camera.stereo
     if overrides.interocular_distance is not None:
         stereo.interocular_distance = overrides.interocular_distance

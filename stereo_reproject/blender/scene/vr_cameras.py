@@ -71,7 +71,7 @@ def vr_warnings(camera: bpy.types.Object | None, overrides: SceneOverrides) -> l
         how = f"the {NAMES[overrides.panorama]} panorama is sharp everywhere, since a headset cannot focus"
         warnings.append(f"depth of field is switched off: {how}")
     stereo = data.stereo
-    mode = overrides.convergence_mode or stereo.convergence_mode
+    mode = overrides.convergence_mode or ("parallel" if made_parallel(data, overrides) else stereo.convergence_mode)
     if data.type == "PERSP" or stereo.use_spherical_stereo:
         asked = overrides.interocular_distance, overrides.convergence_distance
         own = stereo.interocular_distance, stereo.convergence_distance
@@ -81,6 +81,13 @@ def vr_warnings(camera: bpy.types.Object | None, overrides: SceneOverrides) -> l
             how = "set the convergence mode to parallel, or the convergence distance farther away"
             warnings.append(f"in a headset, eyes turn apart by {apart:.1f}° to look at what is far away: {how}")
     return warnings
+
+
+def made_parallel(data: bpy.types.Camera, overrides: SceneOverrides) -> bool:
+    """Return whether a camera that is set up for headsets gets parallel eyes: a perspective one does, whose convergence
+    is a screen's, unless the overrides say how its eyes converge."""
+    asked = overrides.convergence_mode is not None or overrides.convergence_distance is not None
+    return overrides.panorama is not None and data.type == "PERSP" and not asked
 
 
 def copy_of_camera(camera: bpy.types.Object, overrides: SceneOverrides) -> bpy.types.Object:
@@ -112,11 +119,12 @@ def _upright(camera: bpy.types.Object) -> bpy.types.Object:
     return eye
 
 
-def set_up_panorama(render: bpy.types.RenderSettings, data: bpy.types.Camera, panorama: str) -> None:
-    """Make the data of a working scene's camera a panorama of this name, `vr180` or `vr360`; of a camera that was one
+def set_up_panorama(render: bpy.types.RenderSettings, data: bpy.types.Camera, overrides: SceneOverrides) -> None:
+    """Make the data of a working scene's camera the panorama that the overrides ask for; of a camera that was one
     already only the angles are set."""
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-    half = HALF_WIDTHS[panorama]
+    assert overrides.panorama is not None
+    half, parallel = HALF_WIDTHS[overrides.panorama], made_parallel(data, overrides)
     _set(data, "", {"longitude_min": -half, "longitude_max": half})
     _set(data, "", {"latitude_min": -0.5 * math.pi, "latitude_max": 0.5 * math.pi})
     if data.type == "PANO":
@@ -128,6 +136,8 @@ def set_up_panorama(render: bpy.types.RenderSettings, data: bpy.types.Camera, pa
     first, last = POLE_MERGE
     merge = {"use_pole_merge": True, "pole_merge_angle_from": first, "pole_merge_angle_to": last}
     _set(data, "stereo.", {"use_spherical_stereo": True, **merge})
+    if parallel:
+        data.stereo.convergence_mode = "PARALLEL"
 
 
 def _set(data: bpy.types.Camera, within: str, values: Mapping[str, float]) -> None:

@@ -121,7 +121,7 @@ def test_many_views_are_rendered_as_asked_and_as_wide_as_the_display(run, monkey
     """What renders them is stood in for: it says what it was given."""
     given = {}
 
-    def render_views_files(scene, settings, views, work, *, load_seconds, onlooker):
+    def render_views_files(scene, settings, views, work, *, load_seconds, onlooker, warn):
         given.update(settings=settings, views=views, work=work, seconds=load_seconds)
         given["pixels"] = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
         onlooker.on_stage("source")
