@@ -11,7 +11,7 @@ from ..stereo_reproject.views.comfort import MAX_VERGENCE_DEGREES, turned_apart_
 from ..stereo_reproject.words import Words
 from .drawing import paragraph
 from .fitting import draw_setting
-from .headset import FLAT, panorama_size
+from .headset import FLAT, asked_panorama, panorama_size
 from .lengths import length_words
 
 PANORAMA_ALREADY = "The camera is a panorama already: its own lens and the resolution in Output count."
@@ -49,8 +49,9 @@ def draw_comfort(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     scene = context.scene
     stereo = scene.camera.data.stereo
     paragraph(layout, context, Words(NO_SCREEN, length=length_words(scene, stereo.interocular_distance)), icon="INFO")
-    # A perspective camera gets parallel eyes once it is set up for a headset.
-    parallel = stereo.convergence_mode == "PARALLEL" or scene.camera.data.type == "PERSP"
+    # A perspective camera gets parallel eyes where it is set up for a headset.
+    made_parallel = asked_panorama(scene) is not None and scene.camera.data.type == "PERSP"
+    parallel = made_parallel or stereo.convergence_mode == "PARALLEL"
     apart = turned_apart_degrees(stereo.interocular_distance, math.inf if parallel else stereo.convergence_distance)
     if apart > MAX_VERGENCE_DEGREES:
         paragraph(layout, context, Words(TURNED_APART, degrees=f"{apart:.1f}"), icon="ERROR")

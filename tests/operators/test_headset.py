@@ -128,8 +128,10 @@ def test_the_camera_s_panel_tells_what_a_headset_needs_and_nothing_of_a_screen(e
     operators, text = drawn()
     assert operators == []
     assert "there is no screen" in text
-    assert text.count("turn apart") == (degrees is not None)
-    assert degrees is None or f"by {degrees}°" in text
+    # A camera that the panel sets up for a headset gets parallel eyes.
+    told = degrees is not None and by == "camera"
+    assert text.count("turn apart") == told
+    assert not told or f"by {degrees}°" in text
 
 
 # Bad input

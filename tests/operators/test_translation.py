@@ -156,14 +156,9 @@ def test_the_report_of_a_measurement_is_translated(german):
 class AnimationUnderWay:
     """A run at its third frame of four, as `run_words` reads it."""
 
-<<<<<<< HEAD
     animation = SimpleNamespace(frames=range(11, 15), settings=SimpleNamespace(existing="overwrite"))
     detail, stage, saved, frames_finished, is_ending = "frame 13", "fill", 190.0, 2, False
-=======
-    animation = SimpleNamespace(frames=range(11, 15))
-    detail, stage, saved, frames_finished = "frame 13", "fill", 190.0, 2
     stage_words = MappingProxyType({})
->>>>>>> h-many
 
     def far(self):
         return 0.5, 42.0

@@ -212,10 +212,11 @@ def test_depth_of_field_that_is_lost_is_warned_of(scene, overrides, said):
 @pytest.mark.parametrize(
     ("mode", "convergence", "asked", "degrees"),
     [
-        ("OFFAXIS", 3.0, {}, "1.3"),
-        ("TOE", 3.0, {"interocular_distance": 0.06}, "1.1"),
+        ("OFFAXIS", 3.0, {}, None),
+        ("OFFAXIS", 3.0, {"convergence_mode": "off-axis"}, "1.3"),
+        ("OFFAXIS", 3.0, {"convergence_mode": "toe-in", "interocular_distance": 0.06}, "1.1"),
         ("OFFAXIS", 3.0, {"convergence_distance": 1.0}, "4.0"),
-        ("OFFAXIS", 4.5, {}, None),
+        ("OFFAXIS", 4.5, {"convergence_mode": "off-axis"}, None),
         ("OFFAXIS", 3.0, {"convergence_mode": "parallel"}, None),
         ("PARALLEL", 3.0, {}, None),
     ],
@@ -226,6 +227,17 @@ def test_eyes_that_turn_apart_are_warned_of(scene, mode, convergence, asked, deg
     said = [line for line in scene_warnings(scene, replace(VR180, **asked)) if "turn apart" in line]
     assert [line.split(" by ")[1].split("°")[0] for line in said] == ([] if degrees is None else [degrees])
     assert not any("turn apart" in line for line in scene_warnings(scene, SceneOverrides()))
+
+
+@pytest.mark.parametrize(
+    ("asked", "mode"),
+    [({}, "PARALLEL"), ({"convergence_mode": "toe-in"}, "TOE"), ({"convergence_distance": 9.0}, "OFFAXIS")],
+)
+def test_a_perspective_camera_gets_parallel_eyes_unless_their_convergence_is_asked_for(scene, asked, mode):
+    scene.camera.data.stereo.convergence_mode = "OFFAXIS"
+    with working_scene(scene, replace(VR180, **asked)) as working:
+        assert working.camera.data.stereo.convergence_mode == mode
+    assert scene.camera.data.stereo.convergence_mode == "OFFAXIS"
 
 
 def orthographic(scene):
