@@ -126,7 +126,9 @@ class _Camera:
         except BadInputError as error:
             paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(error))), icon="ERROR")
             return
-        draw_heading(layout, EYES)
+        for_headset = is_for_headset(scene)
+        if not for_headset:
+            draw_heading(layout, EYES)
         column = layout.column(align=True)
         draw_setting(column, context, stereo, "convergence_mode", text="Mode")
         draw_setting(column, context, stereo, "interocular_distance", text="Interocular")
@@ -134,7 +136,7 @@ class _Camera:
         sub.active = stereo.convergence_mode != "PARALLEL"
         draw_setting(sub, context, stereo, "convergence_distance", text="Convergence")
         draw_setting(column, context, stereo, "pivot")
-        if is_for_headset(scene):
+        if for_headset:
             draw_comfort(layout, context)
             return
         column = layout.column(align=True)
