@@ -28,6 +28,7 @@ from ..stereo_reproject.jobs.work_folder import work_folder
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.frame import StereoSettings
+from ..stereo_reproject.settings.views import ViewsSettings
 from ..stereo_reproject.words import Words
 from . import second_blender
 from .animation_run import Animation
@@ -74,6 +75,10 @@ class BackgroundJob:
 
     stage_words: ClassVar[Mapping[str, str]] = {}
     """Words for the user of stages, by their names, that are others in this job than usual."""
+    views: ViewsSettings | None = None
+    """Settings of many views, of a job that renders these; None of any other."""
+    output: Path | None = None
+    """Folder of files that stay; None for a job whose files go when it is closed."""
 
     def __init__(
         self,
@@ -241,12 +246,13 @@ def _job_of(
     """
     return Job(
         blend,
-        run.folder if files else None,
+        run.output or (run.folder if files else None),
         run.settings,
         command,
         tuple(files),
         session=_session_of(scene),
         animation=None if run.animation is None else run.animation.settings,
+        views=run.views,
         pictures=pictures is not Pictures.NONE,
         first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
     )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
 import bpy
 
-from ..stereo_reproject.jobs.supervisor import Job
 from ..stereo_reproject.jobs.views_progress import ViewsProgress
 from ..stereo_reproject.jobs.work_folder import views_files
 from ..stereo_reproject.pipeline.stages import Stage
@@ -43,7 +41,3 @@ class ViewsJob(BackgroundJob):
         self.views, self.output = views, output
         progress = ViewsProgress(views.count)
         super().__init__(scene, settings, "views", views_files(views), progress, pictures=pictures)
-
-    def _job(self, scene: bpy.types.Scene, command: str, files: Sequence[str], pictures: Pictures) -> Job:
-        """Return the job for the worker process, into the folder of the views."""
-        return replace(super()._job(scene, command, files, pictures), output=self.output, views=self.views)
