@@ -87,22 +87,22 @@ def test_traced_pixels_are_those_of_a_whole_render(tmp_path, change):
 def test_the_views_of_a_scene_are_delivered(tmp_path):
     scene = small_studio(tmp_path, lit=True)
     # So many samples that a whole view takes longer than making one, on a busy machine too.
-    settings = StereoSettings(compare=True, scene=SceneOverrides(size=(64, 48), samples=1024, denoise=False, seed=3))
+    settings = StereoSettings(compare=True, scene=SceneOverrides(size=(160, 120), samples=64, denoise=False, seed=3))
     report, files = render_views_files(scene, settings, VIEWS, tmp_path)
     out = tmp_path / "out"
     assert sorted(files) == sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     assert report == json.loads((out / "report.json").read_text())
     assert [view["name"] for view in report["views"]] == list(VIEWS.names)
     assert {view["how"] for view in report["views"]} == {"rendered", "made"}
-    assert report["compare"]["honest_ratio"] <= 1.2
+    assert report["compare"]["honest_ratio"] <= 1.10
     assert report["compare"]["views"][0] == "view_00"
     quilt = read_png(out / "quilt_qs2x2a1.3333.png")
-    assert quilt.shape[:2] == (96, 128)
+    assert quilt.shape[:2] == (240, 320)
     # View 0 is at the bottom left.
     views = [read_channels(out / "views" / f"{name}.exr") for name in VIEWS.names]
     exr = read_channels(out / "quilt_qs2x2a1.3333.exr")
-    np.testing.assert_allclose(exr["R"][48:, :64], views[0]["R"], rtol=1e-3, atol=1e-4)
-    np.testing.assert_allclose(exr["R"][:48, 64:], views[3]["R"], rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(exr["R"][120:, :160], views[0]["R"], rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(exr["R"][:120, 160:], views[3]["R"], rtol=1e-3, atol=1e-4)
 
 
 def test_the_cone_is_that_of_the_cameras_convergence_distance(tmp_path):
