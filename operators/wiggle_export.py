@@ -132,7 +132,7 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the file, whole or not at all; report an error in one line."""
         path = Path(bpy.path.abspath(self.filepath))
-        path = path if path.suffix else path.with_suffix(GIF)
+        path = path if path.suffix else path.with_suffix(SUFFIXES[self.format])
         pair = pair_in(context)
         assert pair is not None
         try:

@@ -200,11 +200,15 @@ class ProbedTracing:
         """
         return run_alone(self.fill_steps(), self._tracer)
 
-    def fill_steps(self) -> TraceSteps[FillChoice]:
-        """Steps of `fill`, for several targets whose pixels are traced together."""
+    def planned_fill(self) -> FillChoice:
+        """Return the fill method by which `fill` traces the holes, as things stand, and why."""
         spacing = None if self._estimator is None else self._accuracy.probe_spacing
         share = float(np.mean(self._holes))
-        choice = self._planner.plan(share, spacing=spacing, expected=self.pilot_share or 0.0)
+        return self._planner.plan(share, spacing=spacing, expected=self.pilot_share or 0.0)
+
+    def fill_steps(self) -> TraceSteps[FillChoice]:
+        """Steps of `fill`, for several targets whose pixels are traced together."""
+        choice = self.planned_fill()
         if choice.method == "full" and choice.predicted_seconds > 0.0:
             self.target = self.target.flagged(np.ones_like(self._holes), Provenance.HOLE)
         holes = self._holes
@@ -226,7 +230,7 @@ class ProbedTracing:
         """Steps of `refine`, for several targets whose pixels are traced together."""
         evidence = self._evidence
         if evidence is None:
-            return self._unrefined()
+            return _unrefined(self.target, self._accuracy, self._pilot)
         chosen, by_own = self._chosen_tiles(evidence)
         tiles = evidence.probes.pixels_of(chosen) & ~self.target.any_of(Provenance.NOTHING)
         pixels = tiles & ~self.target.traced
@@ -256,16 +260,6 @@ class ProbedTracing:
     def _chosen_tiles(self, evidence: TileEvidence) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return what `tiles_to_trace` chooses by the target's accuracy."""
         return tiles_to_trace(evidence, self._promise, self._accuracy.tile_limit, unseen=self._accuracy.unseen)
-
-    def _unrefined(self) -> Refinement:
-        """Return the refinement of a target without probes' evidence: nothing probed it, or it was rendered whole at
-        once."""
-        nothing, promises = np.zeros_like(self._holes), self._accuracy.promise is not None
-        whole = promises and bool(self.target.traced.all())
-        told = as_rendered(self._pilot) if whole else None
-        return Refinement(
-            nothing, estimate=told, whole=whole, no_estimate=NOTHING_DIFFERS if promises else PROMISES_NOTHING
-        )
 
     def _flag_refined(self, pixels: NDArray[np.bool_]) -> None:
         """Flag these pixels (H, W) of the target as refined, but for holes."""
@@ -344,3 +338,13 @@ def _reflected_light(
         variance_share=variance_share(x[None], y[None])[0],
         tells=differ_in_reflected_light(effects_of(passes)[place]),
     )
+
+
+def _unrefined(target: Target, accuracy: Accuracy, pilot: TileEvidence | None) -> Refinement:
+    """Return the refinement of a target without probes' evidence but for a pilot's: nothing probed it, or it was
+    rendered whole at once."""
+    promises = accuracy.promise is not None
+    whole = promises and bool(target.traced.all())
+    told = as_rendered(pilot) if whole else None
+    why = NOTHING_DIFFERS if promises else PROMISES_NOTHING
+    return Refinement(np.zeros_like(target.traced), estimate=told, whole=whole, no_estimate=why)

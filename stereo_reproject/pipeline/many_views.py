@@ -91,6 +91,10 @@ def _is_split(maker: ViewsMaker, gap: Gap) -> bool:
     tracing = maker.warped(gap.ends, gap.middle)
     costs = _costs(maker, time.perf_counter() - start)
     holes = float(np.mean(tracing.target.traced))
+    foreseen = tracing.planned_fill()
+    if foreseen.method == "full" and foreseen.predicted_seconds > 0.0:
+        maker.render(gap.middle, foreseen.reason)
+        return True
     if costs.is_split(gap.count, holes):
         maker.render(gap.middle, _figures(gap, holes, "holes", costs))
         return True
@@ -110,10 +114,14 @@ def _is_split(maker: ViewsMaker, gap: Gap) -> bool:
     return False
 
 
-def _costs(maker: ViewsMaker, made_seconds: float) -> ViewCosts:
-    """Return the costs of a view as they are known by now; made_seconds are those of warping one."""
-    whole = maker.plain_seconds(1) - maker.costs[0].sync_seconds
-    return ViewCosts(maker.known_costs().packed_pixel_cost, made_seconds / max(whole, 1e-9))
+def _costs(maker: ViewsMaker, warp_seconds: float) -> ViewCosts:
+    """Return the costs of a view as they are known by now; warp_seconds are those of warping one. Of a picture that is
+    denoised, a made view is denoised too."""
+    whole = max(maker.plain_seconds(1) - maker.costs[0].sync_seconds, 1e-9)
+    denoising = float(np.mean([cost.denoise_seconds for cost in maker.costs]))
+    finishing = denoising if maker.finish_seconds is None else maker.finish_seconds
+    tracing = maker.known_costs().packed_pixel_cost * (whole - denoising)
+    return ViewCosts(tracing / whole, (warp_seconds + finishing) / whole)
 
 
 def _is_split_after_all(gap: Gap, share: float, costs: ViewCosts) -> bool:

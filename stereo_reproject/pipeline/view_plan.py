@@ -49,7 +49,7 @@ class Gap:
 @dataclass(frozen=True)
 class ViewCosts:
     """Costs of a view, each over that of rendering one whole: traced is that of tracing all of its pixels packed, and
-    made that of warping and finishing it, whatever is traced."""
+    made that of warping, finishing and denoising it, whatever is traced."""
 
     traced: float
     made: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -67,6 +68,7 @@ class ViewsMaker:
     renderer can render each of the `views` whole, and trace pixels of it. accuracy is that of the frame, for a picture
     of `SettingsTuning.unscaled_picture_px`. steps, and the costs of the views that were rendered whole, grow under way.
     light_scale is the number by which light is multiplied to be judged as it is seen: None before the first render.
+    finish_seconds are those of putting the last made view together, and of denoising it: None before the first.
     sources has the views that were rendered whole and are still needed, by number.
     """
 
@@ -80,6 +82,7 @@ class ViewsMaker:
     steps: list[PlanStep] = field(default_factory=list)
     costs: list[SourceCost] = field(default_factory=list)
     light_scale: float | None = None
+    finish_seconds: float | None = None
     sources: dict[int, Source] = field(default_factory=dict)
     _findings: SharedFindings = field(default_factory=SharedFindings)
 
@@ -142,12 +145,14 @@ class ViewsMaker:
         view, sources = self.views[number], [self.views[end] for end in ends]
         task = self.task(sources[0], view)
         share = done.warped.variance_share_of(done.target)
+        start = time.perf_counter()
         self.watch.lap(Stage.COMPOSITE)
         finished = composited(task, done)
         denoising = done.sources[0].denoising
         if denoising is not None:
             self.watch.lap(Stage.DENOISE_TARGET)
             finished = denoised(done, finished, denoising)
+        self.finish_seconds = time.perf_counter() - start
         passes = with_depth_pass(without_internal_passes(finished.passes), view.camera)
         names, estimate = tuple(source.name for source in sources), done.refinement.estimate
         self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate))

@@ -88,6 +88,7 @@ def test_where_pixels_cannot_be_packed_all_views_are_rendered():
     renderer = caster(5, 0.4, blockers={"packed": "no", "card": "no"})
     _, views = made(renderer)
     assert all(view.traced.all() for view in views)
+    assert len(renderer.asked) == len(views)
 
 
 def test_two_views_are_a_pair():

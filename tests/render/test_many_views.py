@@ -56,7 +56,22 @@ def test_blenders_eye_is_the_camera_beside(tmp_path, change):
             )
 
 
-@pytest.mark.parametrize("change", [lens_shift, defocus, moving_camera, shader_that_knows_the_camera, camera_in_fog])
+def keyed_stereo(scene):
+    """Eyes whose distances are animated, as the lens is: at the present frame each has another value than is set."""
+    data = scene.camera.data
+    for frame, factor in ((scene.frame_current - 10, 1.0), (scene.frame_current + 10, 1.5)):
+        for owner, name in (
+            (data.stereo, "interocular_distance"),
+            (data.stereo, "convergence_distance"),
+            (data, "lens"),
+        ):
+            setattr(owner, name, factor * getattr(owner, name))
+            owner.keyframe_insert(name, frame=frame)
+
+
+@pytest.mark.parametrize(
+    "change", [lens_shift, defocus, moving_camera, shader_that_knows_the_camera, camera_in_fog, keyed_stereo]
+)
 def test_traced_pixels_are_those_of_a_whole_render(tmp_path, change):
     """Whether all views are traced in one render, or where that is not exact, each by itself."""
     scene = small_studio(tmp_path, change)

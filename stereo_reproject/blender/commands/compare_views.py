@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import bpy
@@ -30,8 +30,9 @@ class PlainViews:
     """Finished views as a comparison needs them: their places, and the one that is compared.
 
     offsets, focus_distance are those of the renderer and layer is the view layer; light_scale is the number by which
-    light is multiplied to be judged as it is seen. Of the views that were made, the one that stands farthest from those
-    it was made from is compared; of equal ones, that which is nearest to the middle.
+    light is multiplied to be judged as it is seen. Of all views that one is compared which stands farthest from those
+    it was made from; of equal ones, that which is nearest to the middle. Where none was made, it is one that was
+    rendered, with noise of its own.
     """
 
     offsets: Sequence[float]
@@ -43,21 +44,21 @@ class PlainViews:
 
     def add(self, view: FinishedView) -> None:
         """Note a finished view."""
-        if not view.sources:
-            return
         numbers = [int(name.rpartition("_")[2]) for name in view.sources]
-        rank = min(abs(view.number - number) for number in numbers), -abs(view.number - 0.5 * (len(self.offsets) - 1))
+        away = min((abs(view.number - number) for number in numbers), default=0)
+        rank = away, -abs(view.number - 0.5 * (len(self.offsets) - 1))
         if self.chosen is None or rank > self._rank:
-            self.chosen, self._rank = view, rank
+            self.chosen, self._rank = replace(view, passes={COLOUR_PASS: view.passes[COLOUR_PASS]}), rank
 
 
 def compare_views(
     scene: bpy.types.Scene, settings: StereoSettings, made: PlainViews, seconds: float, work: Path
 ) -> ViewsCompareReport:
     """Render both ends and the chosen view plainly, in a scene copy of their own that finds nothing synced, and
-    compare. seconds are those of our views in total. Where no view was made, the one in the middle stands for it."""
-    count, names = len(made.offsets), view_names(len(made.offsets))
-    between = count // 2 if made.chosen is None else made.chosen.number
+    compare. seconds are those of our views in total."""
+    count, names, chosen = len(made.offsets), view_names(len(made.offsets)), made.chosen
+    assert chosen is not None
+    between = chosen.number
     numbers = list(dict.fromkeys((0, between, count - 1)))
     with working_scene(scene, settings.scene, layer=made.layer) as copy:
         set_up_middle(copy, made.focus_distance)
@@ -67,10 +68,7 @@ def compare_views(
     costs = [cost for _, cost in plain.values()]
     all_seconds = costs[0].sync_seconds + count * float(np.mean([cost.per_frame for cost in costs]))
     reference = MultiviewReference(engine, all_seconds, plain[between][0], again, made.light_scale)
-    if made.chosen is None:
-        ours, share = reference.reference, np.ones(again.shape[:2], np.float32)
-    else:
-        ours, share = made.chosen.passes[COLOUR_PASS], made.chosen.variance_share
+    ours, share = chosen.passes[COLOUR_PASS], chosen.variance_share
     errors = reference.judge(ours, share)
     flip, noise_flip = flips(scene, settings, ours, reference, work)
     return ViewsCompareReport(

@@ -154,7 +154,8 @@ def _render(
 
         def on_view(view: FinishedView) -> None:
             reports[view.number] = view_report(view)
-            kept.add(view)
+            if settings.compare:
+                kept.add(view)
             write_eye(
                 places.views / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata
             )

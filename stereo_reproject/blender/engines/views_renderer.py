@@ -20,6 +20,7 @@ from ...trace.requests import TraceRequest
 from ...views.camera import PerspectiveCamera
 from ...views.cone import beside
 from ...words import Words
+from ..scene.animated import animated_values
 from ..scene.rendered import CYCLES
 from ..scene.rig import MODES, convergence_of_screen, stereo_cameras
 from ..scene.working import changed, evaluated, rendered_layer
@@ -29,6 +30,9 @@ from .shared_render import trace_together, turns_in_shutter, why_apart
 
 VIEW_SEED_STEP = 15_485_863
 """Added to the scene's seed from view to view, so that no noise is common to all views."""
+
+STEREO_SETTINGS = ("interocular_distance", "convergence_distance", "convergence_mode", "pivot", "use_spherical_stereo")
+"""Properties of a camera's stereo settings that views are placed by."""
 
 ONE_VIEW_AT_A_TIME = "it renders one view at a time"
 
@@ -124,6 +128,7 @@ def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveC
     check_views(camera, scene.render.engine)
     data = camera.data
     stereo = data.stereo
+    _hold_stereo_still(scene)
     stereo.use_spherical_stereo = False
     stereo.convergence_mode = MODES["off-axis"]
     stereo.convergence_distance = convergence_of_screen(data, focus_distance)
@@ -133,3 +138,22 @@ def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveC
     eye = stereo_cameras(evaluated(camera, scene), scene.render)["left"]
     assert isinstance(eye, PerspectiveCamera)
     return eye
+
+
+def _hold_stereo_still(scene: bpy.types.Scene) -> None:
+    """Have the settings of a working scene's camera stand still as they are in the present frame, where curves or
+    drivers move how its eyes stand: in the next render they would move what is set here back."""
+    data, now = scene.camera.data, evaluated(scene.camera, scene).data
+    moved = animated_values(data)
+    if not any((data.stereo.as_pointer(), name) in moved for name in STEREO_SETTINGS):
+        return
+    pairs = ((data, now), (data.dof, now.dof), (data.stereo, now.stereo))
+    values = [
+        (own, known.identifier, getattr(seen, known.identifier))
+        for own, seen in pairs
+        for known in own.bl_rna.properties
+        if (own.as_pointer(), known.identifier) in moved
+    ]
+    data.animation_data_clear()
+    for own, name, value in values:
+        setattr(own, name, value)

@@ -15,6 +15,9 @@ from .working import evaluated, rendered_layer
 STEP_SHARE = 1e-4
 """Share of the way by which a ray goes on behind a thing that renders do not show."""
 
+LOST_SHARE = 1e-6
+"""Share of a coordinate that single precision may lose."""
+
 
 def cone_warnings(working: bpy.types.Scene, offsets: Sequence[float], focus_distance: float) -> list[str]:
     """Return a line for each side of the scene's camera on which views stand behind something, or within it.
@@ -54,8 +57,24 @@ def _first_thing(working: bpy.types.Scene, side: float, reach: float) -> tuple[s
         )
         if not hit:
             return None
-        gone = (place - start).dot(direction)
-        if not thing.hide_render and thing.visible_camera:
+        gone = max((place - start).dot(direction), gone)
+        if not thing.hide_render and thing.visible_camera and not _is_air(thing):
             return thing.name, gone
-        gone += STEP_SHARE * reach
+        # A step that single precision would lose far from the world's origin would meet the same thing for ever.
+        gone += max(STEP_SHARE * reach, LOST_SHARE * max(map(abs, place)))
     return None
+
+
+def _is_air(thing: bpy.types.Object) -> bool:
+    """Return whether all materials of an object have a volume and no surface."""
+    materials = [slot.material for slot in thing.material_slots if slot.material is not None]
+    trees = [material.node_tree for material in materials]
+    return bool(trees) and all(tree is not None and _has_no_surface(tree) for tree in trees)
+
+
+def _has_no_surface(tree: bpy.types.ShaderNodeTree) -> bool:
+    """Return whether what comes out of a material's nodes is a volume alone."""
+    outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.is_active_output]
+    return bool(outputs) and all(
+        out.inputs["Volume"].is_linked and not out.inputs["Surface"].is_linked for out in outputs
+    )
