@@ -29,13 +29,19 @@ DEGREE_DECIMALS = 3
 """Decimals of a cone in degrees: Blender keeps angles in radians, in single precision."""
 
 
+MAKER = "Looking Glass "
+"""Beginning of the titles of displays that the list leaves out, since all have it."""
+
+
 def _displays() -> list[tuple[str, str, str]]:
     """Return the items of the setting that says for which display the views are."""
     items = [(OTHER, "Other", "Any display or print: set its views and its quilt, and the resolution in Output")]
     for display in DISPLAYS.values():
         width, height = display.view_size()
-        what = f"{display.columns} x {display.rows} views of {width} x {height} pixels, cone {display.cone_degrees:g}°"
-        items.append((display.name, display.title, what))
+        grid = f"{display.columns} x {display.rows} views of {width} x {height} pixels"
+        what = f"{display.title}: {grid}, cone {display.cone_degrees:g}°"
+        # A panel has no room for the maker's name.
+        items.append((display.name, display.title.removeprefix(MAKER), what))
     return items
 
 

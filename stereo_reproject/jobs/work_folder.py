@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import json
 import os
 import platform
 import re
@@ -82,7 +83,7 @@ CONTACT_SHEET = "contact.png"
 SWEEP = "sweep.mp4"
 """Names of the files that show many views: beside each other, and one after the other."""
 
-_VIEW_FILE = re.compile(r"view_\d{2,3}\.exr")
+_VIEW_FILE = re.compile(rf"{VIEWS_FOLDER}/view_\d{{2,3}}\.exr")
 
 
 def views_files(views: ViewsSettings) -> tuple[str, ...]:
@@ -92,18 +93,21 @@ def views_files(views: ViewsSettings) -> tuple[str, ...]:
 
 
 def views_superseded_by(output: Path, files: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of files in the folder `output` that an earlier run of other views left there, and that one with
-    these `files` does not have: its quilts, and views of higher numbers."""
-    found = [path.name for path in _listed(output) if QUILT_FILE.fullmatch(path.name)]
-    views = [path.name for path in _listed(output / VIEWS_FOLDER) if _VIEW_FILE.fullmatch(path.name)]
-    found += [f"{VIEWS_FOLDER}/{name}" for name in views]
-    return tuple(name for name in sorted(found) if name not in files and not (output / name).is_dir())
+    """Return the names of files in the folder `output` that an earlier run of other views left there, by its report,
+    and that one with these `files` does not have: its quilts, and views of higher numbers. Files of the same names that
+    no report there tells of are others'."""
+    found = [
+        name for name in _files_told(output / FILES[-1]) if QUILT_FILE.fullmatch(name) or _VIEW_FILE.fullmatch(name)
+    ]
+    return tuple(name for name in sorted(set(found)) if name not in files and (output / name).is_file())
 
 
-def _listed(folder: Path) -> list[Path]:
-    """Return the paths in a folder; an empty list where it cannot be listed."""
-    with contextlib.suppress(OSError):
-        return list(folder.iterdir())
+def _files_told(report: Path) -> list[str]:
+    """Return the names of files that a report says it is of; an empty list where there is no such report."""
+    with contextlib.suppress(OSError, ValueError):
+        told = json.loads(report.read_text(encoding="utf-8"))
+        files = told.get("files") if isinstance(told, dict) else None
+        return [name for name in files if isinstance(name, str)] if isinstance(files, list) else []
     return []
 
 

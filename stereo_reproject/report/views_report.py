@@ -58,7 +58,8 @@ class ViewsReport:
     scene is the .blend and scene_datablock the scene's name in it. size is that of a view, (width, height) in pixels.
     cone_degrees is the angle between the outermost cameras, baseline the distance between them and focus_distance that
     of the plane that all views show alike, in scene units. plan has a line for each decision on the way. seconds are by
-    stage and in total. predicted_speedup is over rendering each view plainly.
+    stage and in total. predicted_speedup is over rendering each view plainly. files are the names of all files of the
+    result.
     """
 
     schema: int = REPORT_SCHEMA
@@ -82,6 +83,7 @@ class ViewsReport:
     packed_by: str
     memory: MemoryReport
     warnings: tuple[str, ...]
+    files: tuple[str, ...] = ()
     compare: ViewsCompareReport | Absent = ABSENT
 
 

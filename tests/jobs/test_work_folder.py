@@ -1,5 +1,6 @@
 """A run's private folder beside those of others, and a pair's files on the disk when they are in their places."""
 
+import json
 import os
 import shutil
 import stat
@@ -193,6 +194,8 @@ def test_views_and_quilts_of_an_earlier_run_do_not_stand_beside_new_ones(tmp_pat
     for name in (*old, *mine):
         (output / name).write_text("old")
     files = rendered_views(work, output, 2)
+    assert views_superseded_by(output, files) == (), "no report says that they are ours"
+    (output / "report.json").write_text(json.dumps({"files": [*old, *mine, "../elsewhere.exr", 3]}))
     superseded = views_superseded_by(output, files)
     assert sorted(superseded) == sorted(old[1:])
     publish(work, output, files, superseded=superseded, between_steps=lambda: None)
@@ -204,7 +207,8 @@ def test_views_and_quilts_of_an_earlier_run_do_not_stand_beside_new_ones(tmp_pat
 def test_a_torn_publish_of_views_leaves_all_as_it_was(tmp_path, step):
     work, output = tmp_path / "work", tmp_path / "out"
     files = rendered_views(work, output, 2)
-    (output / "report.json").write_text("old")
+    report = json.dumps({"files": ["quilt_qs2x1a1.png"]})
+    (output / "report.json").write_text(report)
     (output / "quilt_qs2x1a1.png").write_text("old")
     left = iter(range(step, -1, -1))
 
@@ -214,7 +218,7 @@ def test_a_torn_publish_of_views_leaves_all_as_it_was(tmp_path, step):
 
     with pytest.raises(TornError):
         publish(work, output, files, superseded=views_superseded_by(output, files), between_steps=torn)
-    assert texts_in(output) == {"report.json": "old", "quilt_qs2x1a1.png": "old"}
+    assert texts_in(output) == {"report.json": report, "quilt_qs2x1a1.png": "old"}
     assert not (output / "views").exists()
 
 

@@ -157,4 +157,4 @@ def test_views_behind_a_wall_are_warned_of(tmp_path, hidden, lines):
     assert len(found) == lines
     if lines:
         assert "view_03 to view_04 stand behind 'Wall'" in found[0]
-        assert f"at most {math.degrees(2 * math.atan(1.0 / 4.0)):.0f} degrees" in found[0]
+        assert f"at most {math.floor(math.degrees(2 * math.atan(1.0 / 4.0)))} degrees" in found[0]

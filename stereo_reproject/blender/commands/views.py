@@ -111,7 +111,7 @@ def render_views_files(
     if settings.compare:
         onlooker.on_stage(Stage.COMPARE)
         report = replace(report, compare=compare_views(scene, settings, kept, report.seconds["total"], work))
-    written = as_json(report)
+    written = as_json(replace(report, files=tuple(files)))
     write_json(work / "out" / "report.json", written)
     return written, files
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import bpy
@@ -38,8 +39,9 @@ def cone_warnings(working: bpy.types.Scene, offsets: Sequence[float], focus_dist
                 "{views} stands behind {thing}, or within it: take a cone of at most {cone} degrees, or a nearer focus"
             )
         views = behind[0] if len(behind) == 1 else f"{behind[0]} to {behind[-1]}"
-        cone = cone_degrees(2.0 * distance, focus_distance)
-        warnings.append(Words(message, views=views, thing=repr(thing), cone=f"{cone:.0f}"))
+        # Rounded down: views at the very place still stand within the thing.
+        cone = math.floor(cone_degrees(2.0 * distance, focus_distance))
+        warnings.append(Words(message, views=views, thing=repr(thing), cone=cone))
     return warnings
 
 
