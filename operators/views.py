@@ -94,12 +94,15 @@ def views_obstacle(scene: bpy.types.Scene) -> BadInputError | None:
     return None
 
 
+OURS = "stereo_reproject_quilt"
+"""Property of the image of a quilt, by which the next one finds it: its name may be another image's."""
+
+
 def quilt_of(views: DeliveredViews) -> Path | None:
     """Return the quilt among the files of many views; None where it is gone."""
-    if not views.folder.is_dir():
-        return None
-    quilts = [path for path in views.folder.iterdir() if QUILT_FILE.fullmatch(path.name) and path.suffix == ".png"]
-    return next(iter(quilts), None)
+    names = (name for name in views.report.get("files", ()) if QUILT_FILE.fullmatch(name))
+    quilts = (views.folder / name for name in names if name.endswith(".png"))
+    return next((path for path in quilts if path.is_file()), None)
 
 
 def load_quilt(views: DeliveredViews) -> bpy.types.Image | None:
@@ -109,9 +112,9 @@ def load_quilt(views: DeliveredViews) -> bpy.types.Image | None:
     path = quilt_of(views)
     if path is None:
         return None
-    old = bpy.data.images.get(QUILT)
+    old = next((image for image in bpy.data.images if OURS in image), None)
     image = bpy.data.images.load(str(path))
-    image.is_runtime_data = True
+    image.is_runtime_data, image[OURS] = True, True
     if old is not None:
         old.user_remap(image)
         bpy.data.images.remove(old)
