@@ -1,8 +1,9 @@
 """Things seen through a gap that only looks open: they lie behind what the source hides there.
 
 Where depth jumps between two neighbouring pixels of the source, the target sees a gap between them, and nobody knows
-what is in it. What lands in such a gap from elsewhere in the source, and is farther away than the farther neighbour by
-more than the jump itself, is hidden as far as anyone knows: the farther surface goes on behind the nearer one.
+what is in it. What lands in such a gap from a distant part of the source, and is farther away than the farther
+neighbour by more than the jump itself, is hidden as far as anyone knows: the farther surface goes on behind the nearer
+one. What lands there from nearby, as sky between leaves does, is seen.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..views.camera import Camera, target_px_from_source_px
+from ..views.camera import Camera, disparity_per_nearness, target_px_from_source_px
 from ..warp.discontinuities import DepthDiscontinuities
 from ..warp.forward import Warp
 from ..warp.scanline import row_disparity_of
+from .tuning import TUNING
 
 
 def behind_tears(
@@ -31,8 +33,10 @@ def behind_tears(
     ends = [_landed(depth, rows, columns + k, source, target) for k in (0, 1)]
     x, nearness = (np.stack([end[part] for end in ends]) for part in (0, 1))
     start, stop = _centres_between(x, result.shape[1])
-    # Farther than the farther end by as much as that is farther than the nearer one.
-    bound = 2.0 * nearness.min(axis=0) - nearness.max(axis=0)
+    far, near = nearness.min(axis=0), nearness.max(axis=0)
+    per_nearness = max(abs(disparity_per_nearness(target, source)), float(np.finfo(np.float32).tiny))
+    # Farther than the farther end by as much as that is farther than the nearer one, and from so far away at least.
+    bound = far - np.maximum(near - far, TUNING.min_distant_width_share * source.width / per_nearness)
     count = stop - start
     before = np.cumsum(count) - count
     row, column = np.repeat(rows, count), np.arange(count.sum()) - np.repeat(before - start, count)

@@ -91,5 +91,10 @@ class HoleTuning:
         """Difference after tone mapping that nobody sees, noise or not."""
         return self.unseen_steps * DISPLAY_STEP
 
+    min_distant_width_share: float = 0.05
+    """Share of the picture's width from which away a thing that lands in a gap of the surfaces counts as hidden by what
+    is unknown there: more than the parallax of any pair that one looks at with ease (3 %). Without it twice as much
+    would be traced of leaves before a sky, which are right. By hand."""
+
 
 TUNING = HoleTuning()
