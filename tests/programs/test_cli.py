@@ -354,7 +354,8 @@ def test_views_are_delivered_with_their_quilt_and_said_in_short(place, capsys):
     quilts = ["quilt_qs4x3a0.75.exr", "quilt_qs4x3a0.75.png"]
     names = [*quilts, *views, "contact.png", "sweep.mp4", "report.json"]
     found = {name: content for name, content in snapshot(place / "out").items() if content is not None}
-    assert found == {name: f"new {name}".encode() for name in names}
+    assert json.loads(found.pop("report.json"))["files"] == [*quilts[::-1], *names[2:]]
+    assert found == {name: f"new {name}".encode() for name in names[:-1]}
     printed = capsys.readouterr().out
     assert "12 views" in printed
     shown = f"{', '.join(quilts)}, {views[0]} to {views[-1]}, contact.png, sweep.mp4, report.json"
