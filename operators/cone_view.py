@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..stereo_reproject.settings.views import ViewsSettings
-from ..stereo_reproject.views.cone import cone_baseline, offsets_of
+from ..stereo_reproject.views.cone import baseline_of, offsets_of
 from .plane_drawing import Colour, Plane, draw_labels, draw_lines, draw_planes
 from .views import views_obstacle
 from .views_properties import views_settings_of
@@ -49,18 +49,13 @@ def cone_of(scene: bpy.types.Scene) -> ConeShape | None:
         return None
     views, data = views_settings_of(scene), scene.camera.data
     focus = data.stereo.convergence_distance
-    if views.baseline is not None:
-        baseline = views.baseline
-    else:
-        assert views.cone_degrees is not None
-        baseline = cone_baseline(views.cone_degrees, focus)
     world = np.array(scene.camera.matrix_world.normalized())
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return points @ world[:3, :3].T + world[:3, 3]
 
     corners = frame_at(scene, views, focus)
-    offsets = np.array(offsets_of(views.count, baseline))
+    offsets = np.array(offsets_of(views.count, baseline_of(views, focus)))
     stands = np.stack([offsets, np.zeros_like(offsets), np.zeros_like(offsets)], axis=-1)
     ends = stands[[0, -1]]
     tick = np.array([0.0, 0.5 * TICK_SHARE * np.ptp(corners[:, 1]), 0.0])

@@ -12,12 +12,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..settings.views import ViewsSettings
 from .camera import PerspectiveCamera, ViewPlane
 
 
 def cone_baseline(cone_degrees: float, focus_distance: float) -> float:
     """Return the distance between the outermost cameras of a cone, in the units of the focus distance."""
     return 2.0 * focus_distance * math.tan(math.radians(0.5 * cone_degrees))
+
+
+def baseline_of(views: ViewsSettings, focus_distance: float) -> float:
+    """Return the distance between the outermost cameras of the views that are asked for, in scene units."""
+    if views.baseline is not None:
+        return views.baseline
+    assert views.cone_degrees is not None
+    return cone_baseline(views.cone_degrees, focus_distance)
 
 
 def cone_degrees(baseline: float, focus_distance: float) -> float:

@@ -44,7 +44,8 @@ class PlainViews:
 
     def add(self, view: FinishedView) -> None:
         """Note a finished view."""
-        numbers = [int(name.rpartition("_")[2]) for name in view.sources]
+        names = view_names(len(self.offsets))
+        numbers = [names.index(name) for name in view.sources]
         away = min((abs(view.number - number) for number in numbers), default=0)
         rank = away, -abs(view.number - 0.5 * (len(self.offsets) - 1))
         if self.chosen is None or rank > self._rank:

@@ -27,7 +27,7 @@ from ...report.views_report import ViewReport, ViewsReport, plan_lines, view_rep
 from ...settings.frame import StereoSettings
 from ...settings.views import ViewsSettings
 from ...trace.costs import TraceCosts
-from ...views.cone import cone_baseline, cone_degrees, offsets_of
+from ...views.cone import baseline_of, cone_degrees, offsets_of
 from ...words import Words
 from ..engines.views_renderer import ViewsRenderer
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
@@ -61,10 +61,7 @@ def cone_of(working: bpy.types.Scene, views: ViewsSettings) -> Cone:
     """Return the places of the views that are asked for, before the camera of a working scene."""
     stereo = evaluated(working.camera, working).data.stereo
     focus = stereo.convergence_distance if views.focus_distance is None else views.focus_distance
-    if views.baseline is not None:
-        return Cone(focus, views.baseline, views.count)
-    assert views.cone_degrees is not None
-    return Cone(focus, cone_baseline(views.cone_degrees, focus), views.count)
+    return Cone(focus, baseline_of(views, focus), views.count)
 
 
 class ViewFiles(Sequence):

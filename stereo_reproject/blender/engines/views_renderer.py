@@ -38,11 +38,10 @@ ONE_VIEW_AT_A_TIME = "it renders one view at a time"
 
 
 class ViewsRenderer(BlenderRenderer):
-    """Renderer of a working scene for many views side by side; all that is visible in all of them is rendered by
-    Cycles.
+    """Renderer of a working scene for many views side by side.
 
     offsets are the places of the views beside the scene's camera, in scene units, from the leftmost on. All show the
-    plane at focus_distance alike; None is the camera's convergence distance. The other parameters are those of
+    plane at focus_distance, in scene units, alike. The other parameters are those of
     `BlenderRenderer`. The working camera's stereo settings are changed for good. Raises BadInputError for an engine or
     a camera that cannot do it.
     """
