@@ -22,11 +22,11 @@ class StereoReport:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportHeader:
-    """The part of a report that is known before rendering: the scene, the picture and the settings.
+class PictureHeader:
+    """The part of a report that is known before rendering, of a pair as of many views: the scene and the picture.
 
     scene is the .blend, scene_datablock the scene's name in it. size is (width, height) in pixels. accuracy is the name
-    of a setting. panorama, "vr180" or "vr360", is absent unless the camera was set up as one.
+    of a setting.
     """
 
     schema: int = REPORT_SCHEMA
@@ -39,5 +39,12 @@ class ReportHeader:
     device: str
     blender: str
     accuracy: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportHeader(PictureHeader):
+    """The part of a pair's report that is known before rendering. panorama, "vr180" or "vr360", is absent unless the
+    camera was set up as one."""
+
     stereo: StereoReport
     panorama: str | Absent = ABSENT

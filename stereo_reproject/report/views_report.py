@@ -11,7 +11,7 @@ import numpy as np
 from ..pipeline.views_maker import FinishedView, PlanStep
 from .as_json import ABSENT, Absent
 from .frame_report import MemoryReport
-from .header import REPORT_SCHEMA
+from .header import PictureHeader
 from .views_table import MADE, RENDERED
 
 
@@ -52,26 +52,15 @@ class ViewsCompareReport:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewsReport:
-    """The report of many views of one frame.
+class ViewsReport(PictureHeader):
+    """The report of many views of one frame; size is that of a view.
 
-    scene is the .blend and scene_datablock the scene's name in it. size is that of a view, (width, height) in pixels.
     cone_degrees is the angle between the outermost cameras, baseline the distance between them and focus_distance that
     of the plane that all views show alike, in scene units. plan has a line for each decision on the way. seconds are by
     stage and in total. predicted_speedup is over rendering each view plainly. files are the names of all files of the
     result.
     """
 
-    schema: int = REPORT_SCHEMA
-    scene: str
-    scene_datablock: str
-    frame: int
-    size: tuple[int, int]
-    samples: int
-    engine: str
-    device: str
-    blender: str
-    accuracy: str
     cone_degrees: float
     baseline: float
     focus_distance: float

@@ -31,7 +31,7 @@ from ...pipeline.stopwatch import Stopwatch
 from ...report.as_json import ABSENT, as_json
 from ...report.estimates import estimate_map
 from ...report.frame_report import CompareReport, FrameReport, MemoryReport, ParallaxReport
-from ...report.header import ReportHeader, StereoReport
+from ...report.header import PictureHeader, ReportHeader, StereoReport
 from ...report.making import LayerFacts, pair_report
 from ...settings.frame import StereoSettings
 from ...views.cutouts import cutouts_of
@@ -185,15 +185,13 @@ def _render_layer(
     return frame, facts
 
 
-def report_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> ReportHeader:
-    """Return the beginning of a report: what is rendered, and with which settings. working is the copy of the scene
-    that is rendered.
-    """
+def picture_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> PictureHeader:
+    """Return the beginning of a report: what is rendered, and how. working is the copy of the scene that is
+    rendered."""
     render = working.render
     region = frame_region(render)
     cycles = render.engine == CYCLES
-    stereo = evaluated(working.camera, working).data.stereo
-    return ReportHeader(
+    return PictureHeader(
         scene=Path(bpy.data.filepath).stem or scene.name,
         scene_datablock=scene.name,
         frame=working.frame_current,
@@ -203,6 +201,16 @@ def report_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: St
         device=working.cycles.device if cycles else "GPU",
         blender=bpy.app.version_string,
         accuracy=settings.accuracy,
+    )
+
+
+def report_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> ReportHeader:
+    """Return the beginning of a pair's report, with its stereo settings. working is the copy of the scene that is
+    rendered.
+    """
+    stereo = evaluated(working.camera, working).data.stereo
+    return ReportHeader(
+        **vars(picture_header(scene, working, settings)),
         stereo=StereoReport(
             source=settings.source,
             interocular_distance=stereo.interocular_distance,

@@ -34,11 +34,10 @@ from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
 from ..scene.compositor import is_composited
 from ..scene.cone_room import cone_warnings
 from ..scene.rendered import check_layers
-from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
 from ..scene.working import evaluated, working_scene
 from .compare_views import PlainViews, compare_views
-from .frame import memory_report
+from .frame import memory_report, picture_header
 from .known_costs import known_costs, learn_costs
 
 
@@ -144,7 +143,7 @@ def _render(
         renderer = ViewsRenderer(
             working, places.work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
         )
-        facts = _facts(scene, working, renderer, cone)
+        facts = {**vars(picture_header(scene, working, settings)), **_facts(scene, working, renderer, cone)}
         for line in facts["warnings"]:
             warn(line)
         kept = PlainViews(cone.offsets, cone.focus_distance, layer)
@@ -171,14 +170,8 @@ def _render(
 
 
 def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, renderer: ViewsRenderer, cone: Cone) -> dict[str, Any]:
-    """Return the fields of the report that are known as long as the working scene is there."""
-    region = frame_region(working.render)
+    """Return the fields of the report, beside its header, that are known as long as the working scene is there."""
     return {
-        "frame": working.frame_current,
-        "size": (region.width, region.height),
-        "samples": working.cycles.samples,
-        "engine": working.render.engine,
-        "device": working.cycles.device,
         "cone_degrees": cone_degrees(cone.baseline, cone.focus_distance),
         "baseline": cone.baseline,
         "focus_distance": cone.focus_distance,
@@ -198,16 +191,13 @@ def _report(
     maker: ViewsMaker,
     reports: tuple[ViewReport, ...],
 ) -> ViewsReport:
-    """Return the report of finished views, of which these are the reports in order; facts are as `_facts` has them."""
+    """Return the report of finished views, of which these are the reports in order; facts are the fields that are known
+    by then."""
     seconds = maker.watch.seconds
     total = sum(spent for stage, spent in seconds.items() if stage not in OUTSIDE_TOTAL)
     warnings = (*facts["warnings"], *scene_warnings(scene, settings.scene))
     return ViewsReport(
         **{**facts, "warnings": tuple(dict.fromkeys(warnings))},
-        scene=Path(bpy.data.filepath).stem or scene.name,
-        scene_datablock=scene.name,
-        blender=bpy.app.version_string,
-        accuracy=settings.accuracy,
         display=views.display,
         views=reports,
         plan=plan_lines(maker.steps),
