@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..images.contrast import Contrast
 from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged, squared_error
+from ..settings.accuracy import ROUNDING_VARIANCE
 from .probes import Probes
 from .shown_materials import ShownMaterials, materials_by_tile
 from .tuning import TUNING
@@ -144,8 +145,9 @@ class TileEvidence:
     @property
     def frame_noise(self) -> float:
         """Sum by weight, over all pixels of the frame, of the squared difference to be expected between two plain
-        renders of it."""
-        return 2.0 * self.mean_noise * self.frame_area
+        renders of it: 0 without any noise, else at least what rounding for a display makes it."""
+        noise = self.mean_noise
+        return 2.0 * max(noise, ROUNDING_VARIANCE) * self.frame_area if noise else 0.0
 
 
 def measure_tiles(

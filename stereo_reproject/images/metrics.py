@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..settings.accuracy import DISPLAY_STEP
+from ..settings.accuracy import DISPLAY_STEP, ROUNDING_VARIANCE
 from ..views.solid_angle import PixelWeight
 
 COLOUR_CHANNELS = 3
@@ -220,8 +220,8 @@ def bias_sigmas(honest: float) -> float:
 def _squared_bias(
     ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray, weight: PixelWeight
 ) -> float:
-    """Return the mean squared bias of a picture over the variance of one plain render's noise; parameters are as for
-    `honest_ratio`.
+    """Return the mean squared bias of a picture over the variance of one plain render's noise, which is taken to be
+    ROUNDING_VARIANCE at least; parameters are as for `honest_ratio`.
 
     With ours w, the plain renders a and b and the share c, (w - a)(w - b) has the mean bias^2 + c var(a), and
     (a - b)^2 / 2 has the mean var(a).
@@ -231,7 +231,7 @@ def _squared_bias(
     squared = weighted_mean(channel_mean((w - a) * (w - b)) - variance_share * noise, weight)
     if not noise.any():
         return 0.0 if squared == 0.0 else float("inf")
-    return squared / weighted_mean(noise, weight)
+    return squared / max(weighted_mean(noise, weight), ROUNDING_VARIANCE)
 
 
 def wrong_tiles(ours: NDArray, reference: NDArray, again: NDArray, weight: PixelWeight = 1.0) -> float:

@@ -11,6 +11,10 @@ DISPLAY_STEP = 1.0 / 255.0
 """Display step: the difference between two neighbouring values of an 8-bit picture, after tone mapping of its light as
 it is seen."""
 
+ROUNDING_VARIANCE = DISPLAY_STEP**2 / 12.0
+"""Variance that rounding to display steps adds to a pixel. Errors are held against no less noise than that, though a
+picture that is all but black has less: a display shows nothing finer."""
+
 
 @dataclass(frozen=True)
 class Accuracy:

@@ -223,6 +223,16 @@ def test_without_noise_there_is_no_honest_ratio_but_for_what_is_right():
     assert honest_ratio(other, still, still, kept) == np.inf
 
 
+def test_an_error_finer_than_a_display_shows_is_no_bias():
+    """In a picture that is all but black, noise is far below what rounding to 8 bits adds."""
+    rng = np.random.default_rng(5)
+    kept = np.ones((64, 64))
+    reference, again, plain = (untone(np.maximum(rng.normal(1e-3, 1e-5, (64, 64, 3)), 0.0)) for _ in range(3))
+    assert honest_ratio(plain, reference, again, kept) == pytest.approx(1.0, abs=0.01)
+    assert honest_ratio(untone(tone(plain) + 3e-4), reference, again, kept) < 1.05
+    assert honest_ratio(untone(tone(plain) + 3e-3), reference, again, kept) > 2.0
+
+
 def test_wrong_tiles_are_counted():
     """Of 22 x 32 tiles, those that are off by more than twice the noise, and by more than a display step."""
     reference, again = toned_render(2), toned_render(3)
