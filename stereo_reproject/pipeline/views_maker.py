@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.noise_ratio import Estimate
+from ..estimate.shared_noise import NoiseOrigins, origins_of_made, origins_of_render
 from ..estimate.tracing import ProbedTracing
 from ..images.depth_pass import with_depth_pass
-from ..images.passes import Passes, without_internal_passes
+from ..images.passes import COLOUR_PASS, Passes, without_internal_passes
 from ..settings.accuracy import Accuracy
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
@@ -40,7 +41,7 @@ class FinishedView:
     number is its place in the order of the views. passes (H, W, C) are those that users get. sources are the names of
     the views that it was made from, none for a view that was rendered whole. traced (H, W) are the pixels that were
     traced. variance_share (H, W) is the variance of each pixel as a share of a plain render's. estimate is that of the
-    error, None where nothing was probed.
+    error, None where nothing was probed. origins are those of its noise, None in a denoised picture.
     """
 
     number: int
@@ -50,6 +51,7 @@ class FinishedView:
     traced: NDArray[np.bool_]
     variance_share: NDArray[np.float32]
     estimate: Estimate | None = None
+    origins: NoiseOrigins | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,8 @@ class ViewsMaker:
         self.steps.append(PlanStep((view.name,), f"rendered: {why}"))
         whole = np.ones(source.seen.depth.shape, bool)
         passes = with_depth_pass(without_internal_passes(source.rendered), view.camera)
-        self.on_view(FinishedView(number, view.name, passes, (), whole, whole.astype(np.float32)))
+        origins = None if source.denoising else origins_of_render(number, source.seen.passes[COLOUR_PASS])
+        self.on_view(FinishedView(number, view.name, passes, (), whole, whole.astype(np.float32), origins=origins))
 
     def plain_seconds(self, count: int) -> float:
         """Return the predicted seconds of rendering so many views plainly, with one sync of the scene."""
@@ -144,15 +147,17 @@ class ViewsMaker:
         """Put a view together that was made from those of the numbers `ends`, and hand it over."""
         view, sources = self.views[number], [self.views[end] for end in ends]
         task = self.task(sources[0], view)
-        share = done.warped.variance_share_of(done.target)
+        share, denoising = done.warped.variance_share_of(done.target), done.sources[0].denoising
+        origins = None
+        if denoising is None:
+            origins = origins_of_made(ends, done.warped.reprojection, done.target, share)
         start = time.perf_counter()
         self.watch.lap(Stage.COMPOSITE)
         finished = composited(task, done)
-        denoising = done.sources[0].denoising
         if denoising is not None:
             self.watch.lap(Stage.DENOISE_TARGET)
             finished = denoised(done, finished, denoising)
         self.finish_seconds = time.perf_counter() - start
         passes = with_depth_pass(without_internal_passes(finished.passes), view.camera)
         names, estimate = tuple(source.name for source in sources), done.refinement.estimate
-        self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate))
+        self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate, origins))
