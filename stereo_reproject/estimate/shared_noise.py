@@ -12,7 +12,7 @@ weights, is known, so no view is rendered again to tell:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,11 +22,12 @@ from ..holes.reprojection import WarpedHoles
 from ..images.grain import choice_of, chosen_pixels
 from ..images.lookup import linear_overlap, variance_share
 from ..images.sharpness import pixel_noise
-from .target import Target
+from .target import Provenance, Target
 from .tuning import TUNING
 
 NEIGHBOURS = 3
-"""Neighbouring views whose mean is judged: about as many as one eye sees at once in a place of a light-field display."""
+"""Neighbouring views whose mean is judged: about as many as an eye sees at once in one place of a light-field
+display."""
 
 OWN = -1
 """Number in place of a render's where a pixel was traced for its view alone, so that no other view has its noise."""
@@ -38,7 +39,8 @@ class NoiseOrigins:
 
     render is the number of the view in whose whole render a pixel was looked up, OWN where it was traced for this view
     alone; x, y are the positions of the lookup in it, in pixels. share is the variance as a share of a plain render's,
-    and noise the variance of a plain render's pixel there, after `metrics.tone`.
+    and noise the variance of a plain render's pixel there, after `metrics.tone`. fresh are the pixels that were traced
+    anew though the warp has an answer: `anew` has them, and the other arrays are as if they were warped.
     """
 
     render: NDArray[np.int16]
@@ -46,6 +48,12 @@ class NoiseOrigins:
     y: NDArray[np.float32]
     share: NDArray[np.float32]
     noise: NDArray[np.float32]
+    fresh: NDArray[np.bool_]
+
+    def anew(self) -> NoiseOrigins:
+        """Return the origins with the pixels that were traced anew as what they are: traced for this view alone."""
+        render, share = (np.where(self.fresh, own, was) for own, was in ((OWN, self.render), (1.0, self.share)))
+        return replace(self, render=render, share=share, fresh=np.zeros_like(self.fresh))
 
     def covariance(self, other: NoiseOrigins) -> NDArray[np.float32]:
         """Return (R, W) the covariance of the noise of these pixels with those of another view at the same places, over
@@ -76,7 +84,8 @@ def origins_of_render(number: int, colour: NDArray[np.float32]) -> NoiseOrigins:
     rows = _rows(colour.shape[0])
     x, y = np.meshgrid(np.arange(colour.shape[1], dtype=np.float32) + np.float32(0.5), rows.astype(np.float32) + 0.5)
     render = np.full(x.shape, number, np.int16)
-    return NoiseOrigins(render, x, y, np.ones(x.shape, np.float32), pixel_noise(colour)[rows])
+    whole, none = np.ones(x.shape, np.float32), np.zeros(x.shape, bool)
+    return NoiseOrigins(render, x, y, whole, pixel_noise(colour)[rows], none)
 
 
 def origins_of_made(
@@ -85,18 +94,21 @@ def origins_of_made(
     """Return the origins of the noise of a completed target.
 
     numbers are those of the views that it was made from, in the order of the map of warped; share (H, W) is the
-    variance of its pixels as a share of a plain render's.
+    variance of its pixels as a share of a plain render's, of those that were traced anew as if they were warped.
     """
     colour = target.colour
     rows, width = _rows(colour.shape[0]), colour.shape[1]
-    x, y = (at.reshape(-1, width) for at in warped.places((np.repeat(rows, width), np.tile(np.arange(width), rows.size))))
+    x, y = (
+        at.reshape(-1, width) for at in warped.places((np.repeat(rows, width), np.tile(np.arange(width), rows.size)))
+    )
     if warped.single is not None:
         across, down = choice_of(target.view, warped.single.shape)
         chosen = chosen_pixels(x, y, (across[rows], down[rows]))
         x, y = (np.where(warped.single[rows], one, between) for one, between in zip(chosen, (x, y), strict=True))
     render = np.asarray(numbers, np.int16)[warped.warp.source[rows]]
-    render = np.where(target.warped[rows], render, np.int16(OWN))
-    return NoiseOrigins(render, x, y, share[rows], pixel_noise(colour)[rows])
+    fresh = target.any_of(Provenance.FRESH)[rows]
+    render = np.where(target.warped[rows] | fresh, render, np.int16(OWN))
+    return NoiseOrigins(render, x, y, share[rows], pixel_noise(colour)[rows], fresh)
 
 
 def shared_noise(views: Sequence[NoiseOrigins]) -> SharedNoise:

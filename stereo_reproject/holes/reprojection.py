@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.lookup import variance_share
+from ..images.lookup import lookup, variance_share
 from ..images.masks import dilate
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, known_depth, seen_in_mirrors
 from ..images.reasons import Reason
@@ -211,7 +211,11 @@ class Reprojection:
         single = [view.single for view in self.views]
         if any(mask is None for mask in single):
             return None
-        return single[0] if len(single) == 1 else of_chosen(self.warp.source, [mask for mask in single if mask is not None])
+        return (
+            single[0]
+            if len(single) == 1
+            else of_chosen(self.warp.source, [mask for mask in single if mask is not None])
+        )
 
     def answered(self) -> WarpedHoles:
         """Return the passes and their holes, without all that only told the holes."""
@@ -234,7 +238,8 @@ class WarpedHoles:
 
     passes (H, W, C), warp, reasons (H, W), variance_share (H, W), grid and warped_by are those of `Reprojection`.
     samples has an entry for each source. single (H, W) are the pixels whose light is that of a single pixel of their
-    source, None where that was not asked for. The passes are handed on to the target, which traces its pixels into them.
+    source, None where that was not asked for. The passes are handed on to the target, which traces its pixels into
+    them.
     """
 
     passes: Passes
@@ -255,6 +260,13 @@ class WarpedHoles:
         """
         number = self.warp.source[place]
         return np.stack([samples.at(place) for samples in self.samples])[number, np.arange(number.size)]
+
+    def between(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
+        """Return the colours (N, C) of the sources, looked up linearly at the places that N target pixels show; place
+        is as for `sampled`."""
+        x, y = self.places(place)
+        looked_up = [lookup(samples.colour, x[None], y[None])[0] for samples in self.samples]
+        return np.stack(looked_up)[self.warp.source[place], np.arange(x.size)]
 
     def places(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> tuple[NDArray, NDArray]:
         """Return the positions x, y (N,), in pixels, that N target pixels show, each in its own source; place is as for

@@ -1,9 +1,10 @@
 """Grain of a lookup: single pixels of the source where noise rules, so that noise looks as it does in a render.
 
-Between two pixels a linear lookup takes their mean, whose noise is weaker and as wide as two pixels: short dashes, where
-a render has dots. One of the two, chosen at random with the weights of the linear lookup as probabilities, has all of
-the noise of a render's pixel, and the linear lookup is its mean over all choices. What the choice adds is g² t (1 - t),
-with g the difference of the two without noise and t the place between them: it is made only where noise is far above g.
+Between two pixels a linear lookup takes their mean, whose noise is weaker and as wide as two pixels: short dashes,
+where a render has dots. One of the two, chosen at random with the weights of the linear lookup as probabilities, has
+all of the noise of a render's pixel, and the linear lookup is its mean over all choices. What the choice adds is
+g² t (1 - t), with g the difference of the two without noise and t the place between them: it is made only where noise
+is far above g.
 
 Neighbouring pixels of a row share their random number over a short stretch. Each by itself would often take the same
 pixel of the source as the one beside it, which is a dash again.
@@ -20,7 +21,6 @@ from .contrast import box_sums
 from .lookup import variance_share
 from .metrics import COLOUR_CHANNELS, judged_channel, squared_error
 from .tuning import TUNING
-
 
 Choice = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Random numbers (h, w), 0 to 1, by which pixels of the source are chosen: across, and down."""
@@ -44,7 +44,7 @@ def chosen_pixels(
 
 
 def _stretches(shape: tuple[int, ...], generator: np.random.Generator) -> NDArray[np.float32]:
-    """Return random numbers (h, w), 0 to 1, that are equal over stretches of each row, which begin elsewhere in each."""
+    """Return random numbers (h, w), 0 to 1, equal over stretches of each row; in each row these begin elsewhere."""
     height, width = shape
     length = TUNING.grain_stretch_px
     numbers = generator.random((height, width // length + 2), np.float32)

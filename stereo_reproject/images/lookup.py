@@ -83,7 +83,9 @@ def linear_overlap(
         (pixel, t), (other_pixel, other_t) = (_split(np.where(known, each, 0.5)) for each in (at, other_at))
         apart = pixel - other_pixel
         both = (1.0 - t) * (1.0 - other_t) + t * other_t
-        overlap *= np.select([apart == 0, apart == 1, apart == -1], [both, (1.0 - t) * other_t, t * (1.0 - other_t)], 0.0)
+        overlap *= np.select(
+            [apart == 0, apart == 1, apart == -1], [both, (1.0 - t) * other_t, t * (1.0 - other_t)], 0.0
+        )
         overlap *= known
     return overlap
 

@@ -44,7 +44,8 @@ class Sharpness:
     def of_columns(self, columns: NDArray[np.intp]) -> Sharpness:
         """Return the sharpness of some columns of the picture, whose indices are given."""
         single = None if self.single is None else self.single[:, columns]
-        return Sharpness(*(image[:, columns] for image in (self.cubic, self.lost, self.noise)), single)
+        cubic, lost, noise = (image[:, columns] for image in (self.cubic, self.lost, self.noise))
+        return Sharpness(cubic, lost, noise, single)
 
 
 def sharpness_of(

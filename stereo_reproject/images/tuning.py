@@ -40,12 +40,13 @@ class ImagesTuning:
     samples: with a number for each pixel dashes are left, and a stretch of 16 is not seen."""
 
     grain_detail_share: float = 0.5
-    """Variance beyond noise, in variances of a pixel's noise, below which single pixels are looked up: twice as much as
-    the measure itself is unsure of over a window of 25 pixels."""
+    """Variance beyond noise, in variances of a pixel's noise, below which single pixels are looked up. By hand: a fine
+    texture as strong as noise has more."""
 
     grain_slope_share: float = 0.04
-    """Squared slope per pixel, in variances of a pixel's noise, below which single pixels are looked up. On cornell-box,
-    8 samples, edges stay straight by eye; at a tenth edges between two colours are torn."""
+    """Squared slope per pixel, in variances of a pixel's noise, below which single pixels are looked up. With it edges
+    of cornell-box, 8 samples, stay straight by eye, without it they do not; a quarter of it leaves a fifth of the
+    picture to dashes (docs/accuracy.md)."""
 
     detail_reach_px: tuple[int, int] = (1, 1)
     """Pixels, down and across, over which that difference is averaged to find pixels that a lookup blurs too much. By

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..estimate.noise_ratio import Estimate
 from ..estimate.shared_noise import NoiseOrigins, origins_of_made, origins_of_render
+from ..estimate.target import Provenance
 from ..estimate.tracing import ProbedTracing
 from ..images.depth_pass import with_depth_pass
 from ..images.passes import COLOUR_PASS, Passes, without_internal_passes
@@ -21,6 +22,7 @@ from ..trace.fill import FillChoice, SourceCost
 from ..trace.requests import run_together
 from ..views.view import View
 from .finishing import Completed, composited, denoised
+from .fresh import FreshPixels
 from .renderer import Renderer
 from .shared_findings import SharedFindings
 from .source import Source, render_source
@@ -68,7 +70,8 @@ class ViewsMaker:
     """Renders and makes the views of one frame, and hands each to `on_view` when it is finished.
 
     renderer can render each of the `views` whole, and trace pixels of it. accuracy is that of the frame, for a picture
-    of `SettingsTuning.unscaled_picture_px`. steps, and the costs of the views that were rendered whole, grow under way.
+    of `SettingsTuning.unscaled_picture_px`. fresh chooses pixels of made views to be traced
+    anew. steps, and the costs of the views that were rendered whole, grow under way.
     light_scale is the number by which light is multiplied to be judged as it is seen: None before the first render.
     finish_seconds are those of putting the last made view together, and of denoising it: None before the first.
     sources has the views that were rendered whole and are still needed, by number.
@@ -81,6 +84,7 @@ class ViewsMaker:
     watch: Stopwatch
     known_costs: Callable[[], TraceCosts]
     on_view: Callable[[FinishedView], None]
+    fresh: FreshPixels
     steps: list[PlanStep] = field(default_factory=list)
     costs: list[SourceCost] = field(default_factory=list)
     light_scale: float | None = None
@@ -107,6 +111,11 @@ class ViewsMaker:
         whole = float(np.mean([cost.per_frame + cost.denoise_seconds for cost in self.costs]))
         return self.costs[0].sync_seconds + count * whole
 
+    @property
+    def packed_seconds(self) -> float:
+        """Predicted seconds of tracing all pixels of a view packed."""
+        return self.known_costs().packed_pixel_cost * float(np.mean([cost.per_frame for cost in self.costs]))
+
     def batches(self, numbers: Sequence[int]) -> list[Sequence[int]]:
         """Return these views in batches whose pixels are traced together: so many that memory holds them."""
         camera = self.views[0].camera
@@ -123,7 +132,9 @@ class ViewsMaker:
         sources = [self.sources[end] for end in ends]
         task = self.task(self.views[ends[0]], self.views[number])
         warped = warp_sources(task, sources, seed=self.renderer.seed + PROBE_SEED_STEP * number)
-        return ProbedTracing(self.renderer, warped)
+        tracing = ProbedTracing(self.renderer, warped)
+        tracing.target = self.fresh.added_to(tracing.target, number)
+        return tracing
 
     def filled(self, tracings: Sequence[ProbedTracing]) -> list[FillChoice]:
         """Trace the holes and the probes of warped views together; return how."""
@@ -150,7 +161,10 @@ class ViewsMaker:
         share, denoising = done.warped.variance_share_of(done.target), done.sources[0].denoising
         origins = None
         if denoising is None:
-            origins = origins_of_made(ends, done.warped.reprojection, done.target, share)
+            fresh = done.target.any_of(Provenance.FRESH)
+            warped_share = np.where(fresh, done.warped.variance_share, share)
+            origins = origins_of_made(ends, done.warped.reprojection, done.target, warped_share)
+        self.fresh.count(done.target)
         start = time.perf_counter()
         self.watch.lap(Stage.COMPOSITE)
         finished = composited(task, done)

@@ -175,6 +175,7 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         focus_distance=arguments.focus,
         quilt=arguments.quilt,
         aspect=arguments.aspect,
+        fresh=arguments.fresh,
     )
 
 
@@ -244,6 +245,11 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
     )
     aspect = "width of the display over its height, where the pixels of a view are not square; such as 1.7778"
     add("--aspect", "RATIO", "aspect", number, aspect)
+    fresh = (
+        "share of each made view, 0 to 1, that is traced anew, so that less noise is common to neighbouring views (0)"
+    )
+    add("--fresh", "SHARE", "fresh", number, fresh)
+    parser.set_defaults(fresh=ViewsSettings.fresh)
 
 
 def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
