@@ -36,9 +36,9 @@ def render_many_views(
     """Render the views of these names, from the leftmost to the rightmost, and hand each to `on_view` when it is
     finished; return the maker, which knows how they came about.
 
-    fresh is the share, 0 to 1, of the warped pixels of made views that is traced anew. The other parameters are those
-    of `render_stereo_frame`. At least two names are needed. Raises StereoReprojectError when a
-    render fails.
+    fresh is the share, 0 to 1, of the warped pixels of made views that is traced anew; none is in denoised pictures.
+    The other parameters are those of `render_stereo_frame`. At least two names are needed. Raises
+    StereoReprojectError when a render fails.
     """
     rig = Rig.of_cameras(renderer.cameras, renderer.motion)
     maker = ViewsMaker(
@@ -49,7 +49,8 @@ def render_many_views(
         watch or Stopwatch(),
         known_costs,
         on_view,
-        FreshPixels(fresh, renderer.seed),
+        # Alone in a denoised picture, a traced pixel stands out.
+        FreshPixels(fresh if renderer.denoise is None else 0.0, renderer.seed),
     )
     _make_all(maker)
     maker.watch.lap()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +168,7 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
 
 def views_of(arguments: argparse.Namespace) -> ViewsSettings:
     """Return the settings of many views from the parsed command-line options. Raises BadInputError."""
-    return views_settings(
+    views = views_settings(
         display=arguments.display,
         count=arguments.views,
         cone_degrees=arguments.cone,
@@ -175,8 +176,8 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         focus_distance=arguments.focus,
         quilt=arguments.quilt,
         aspect=arguments.aspect,
-        fresh=arguments.fresh,
     )
+    return replace(views, fresh=arguments.fresh)
 
 
 def add_views_arguments(parser: argparse.ArgumentParser) -> None:

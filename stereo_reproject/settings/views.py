@@ -127,7 +127,6 @@ def views_settings(
     focus_distance: float | None = None,
     quilt: tuple[int, int] | None = None,
     aspect: float | None = None,
-    fresh: float = 0.0,
 ) -> ViewsSettings:
     """Return the settings of many views, with what is None taken from the display of that name, or else from the usual
     ones: 48 views, a cone of 40 degrees, and a quilt that suits their number. quilt is (columns, rows). Raises
@@ -143,7 +142,7 @@ def views_settings(
         quilt = grid_for(count)
     columns, rows = quilt or (None, None)
     aspect = known.aspect if aspect is None and known is not None else aspect
-    return ViewsSettings(count, cone_degrees, baseline, focus_distance, columns, rows, aspect, display, fresh)
+    return ViewsSettings(count, cone_degrees, baseline, focus_distance, columns, rows, aspect, display)
 
 
 def read_quilt(text: str) -> tuple[int, int]:

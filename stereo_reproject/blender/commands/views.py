@@ -153,6 +153,8 @@ def _render(
             working, places.work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
         )
         facts = {**vars(picture_header(scene, working, settings)), **_facts(scene, working, renderer, cone)}
+        if views.fresh > 0.0 and renderer.denoise is not None:
+            facts["warnings"] += (Words("in denoised pictures nothing is traced anew: such pixels would stand out"),)
         for line in facts["warnings"]:
             warn(line)
         kept = PlainViews(cone.offsets, cone.focus_distance, layer)
