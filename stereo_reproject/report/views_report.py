@@ -38,6 +38,8 @@ class ViewsCompareReport:
     views are their names: both ends, and one that was made. plain_seconds are predicted for all views, from those that
     were rendered plainly, with one sync; speedup is that over the seconds of our views. The measures are those of the
     worst of them, as `images.metrics` has them; a view that was rendered whole is as good as plain.
+    flicker_ratio is how much a surface changes from the view that was made to its neighbour, over that between plain
+    renders, None where pictures are not denoised.
     """
 
     views: tuple[str, ...]
@@ -48,6 +50,7 @@ class ViewsCompareReport:
     noise_ratio: float
     worst_tiles: float
     wrong_tiles: float
+    flicker_ratio: float | None
     flip: float | None
     noise_flip: float | None
     flip_ratio: float | None

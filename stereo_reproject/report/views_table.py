@@ -102,6 +102,9 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"  honest ratio {number_text(compare.get('honest_ratio'), '.3f')}    1 = as good as rendering it again"
         )
+        if is_number(compare.get("flicker_ratio")):
+            flicker = number_text(compare["flicker_ratio"], ".2f")
+            lines.append(f"  flicker      {flicker} x that of plain renders, between neighbouring views")
         compared = compare.get("views")
         return [*lines, f"  compared     {', '.join(map(str, compared))}"] if isinstance(compared, list) else lines
     if report.get("predicted_speedup") is not None:

@@ -116,6 +116,7 @@ def test_the_views_of_a_scene_are_delivered(tmp_path, monkeypatch, fresh):
     assert {view["how"] for view in report["views"]} == {"rendered", "made"}
     assert report["compare"]["honest_ratio"] <= 1.10
     assert report["compare"]["views"][0] == "view_00"
+    assert report["compare"]["flicker_ratio"] is None
     noise = report["neighbours"]
     assert (noise["count"], len(noise["worst_views"])) == (3, 3)
     assert 0.8 < noise["noise_ratio"] <= noise["worst_noise_ratio"] < math.sqrt(3.0)
@@ -135,13 +136,14 @@ def test_the_views_of_a_scene_are_delivered(tmp_path, monkeypatch, fresh):
     np.testing.assert_allclose(exr["R"][:120, 160:], views[3]["R"], rtol=1e-3, atol=1e-4)
 
 
-def test_nothing_is_traced_anew_in_denoised_pictures(tmp_path):
+def test_denoised_views_flicker_and_nothing_of_them_is_traced_anew(tmp_path):
     scene = small_studio(tmp_path)
-    settings = StereoSettings(scene=SceneOverrides(size=(64, 48), samples=1, denoise=True))
+    settings = StereoSettings(compare=True, scene=SceneOverrides(size=(64, 48), samples=1, denoise=True))
     report, _ = render_views_files(scene, settings, replace(VIEWS, fresh=0.25), tmp_path)
     assert any("nothing is traced anew" in line for line in report["warnings"])
     assert "fresh" not in report
     assert report["neighbours"] is None
+    assert 0.0 < report["compare"]["flicker_ratio"] < 2.0
 
 
 def test_the_cone_is_that_of_the_cameras_convergence_distance(tmp_path):

@@ -63,6 +63,13 @@ def test_what_was_measured_stands_in_the_place_of_what_was_predicted(report):
     ]
 
 
+def test_flicker_of_denoised_views(report):
+    report["compare"] = {"speedup": 3.25, "honest_ratio": 1.043, "flicker_ratio": 0.512}
+    assert format_views_table(report).splitlines()[-1] == (
+        "  flicker      0.51 x that of plain renders, between neighbouring views"
+    )
+
+
 def test_noise_of_neighbours_and_what_was_traced_anew(report):
     names = ["view_01", "view_02", "view_03"]
     report["neighbours"] = {"count": 3, "noise_ratio": 1.146, "worst_noise_ratio": 1.332, "worst_views": names}

@@ -157,7 +157,7 @@ def _render(
             facts["warnings"] += (Words("in denoised pictures nothing is traced anew: such pixels would stand out"),)
         for line in facts["warnings"]:
             warn(line)
-        kept = PlainViews(cone.offsets, cone.focus_distance, layer)
+        kept = PlainViews(cone.offsets, cone.focus_distance, layer, renderer.cameras)
 
         def on_view(view: FinishedView) -> None:
             reports[view.number] = view_report(view)
