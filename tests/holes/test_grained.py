@@ -1,10 +1,12 @@
 """Single pixels of the source where noise rules: in all light alike, and known to what judges the view."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from stereo_reproject.estimate.tracing import _judged_by
 from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.settings.accuracy import SETTINGS
@@ -46,8 +48,20 @@ def test_parts_of_the_light_still_add_up(warped):
     )
 
 
+def test_probes_are_held_against_lookups_between_single_pixels(warped):
+    holes = warped[0]
+    mask = np.random.default_rng(3).random(holes.reasons.shape) < 0.2
+    rows, columns = np.nonzero(mask)
+    own, share = holes.passes[COLOUR_PASS][mask], holes.variance_share[mask]
+    colours, shares = _judged_by(holes, SimpleNamespace(mask=mask, rows=rows, columns=columns), own, share)
+    single = holes.single[mask]
+    np.testing.assert_array_equal(colours[single], holes.between((rows[single], columns[single])))
+    np.testing.assert_array_equal(colours[~single], own[~single])
+    assert shares[single].mean() < 0.9
+    np.testing.assert_array_equal(shares[~single], share[~single])
+
+
 def test_between_single_pixels_there_is_less_noise(warped):
-    """By which probes judge."""
     holes, _, clean, _ = warped
     place = np.nonzero(holes.single & (holes.reasons == 0))
     single, between = (
