@@ -27,6 +27,8 @@ class Provenance(IntFlag):
     NOTHING = 16
     """Shows nothing: it lies beyond the edge of a lens, where no ray is shot. It is not traced for that, nor does it
     count as warped."""
+    FRESH = 32
+    """Traced though the warp has an answer, so that its noise is its view's own. It counts as a hole too."""
 
 
 @dataclass(frozen=True)

@@ -299,10 +299,10 @@ class ProbedTracing:
         first = {name: image[:count] for name, image in traced.items()}
         once = {name: image[probes.mask[pixels]] for name, image in first.items()}
         again = {name: image[count:] for name, image in traced.items()}
-        share = self._variance_share[probes.mask]
         uncorrected = None if self._uncorrected is None else self._uncorrected[probes.mask]
-        warped = self.target.colour[probes.mask]
-        apart = _reflected_light(self.warped.reprojection, self.target.passes, probes, once, again)
+        reprojection, share = self.warped.reprojection, self._variance_share[probes.mask]
+        warped, share = _judged_by(reprojection, probes, self.target.colour[probes.mask], share)
+        apart = _reflected_light(reprojection, self.target.passes, probes, once, again)
         traces = ProbeTraces(warped, once[COLOUR_PASS], again[COLOUR_PASS], share, uncorrected, apart)
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
         self.target.put(pixels, first)
@@ -310,6 +310,23 @@ class ProbedTracing:
         target = self.target.flagged(probes.mask, Provenance.PROBE)
         self.target, evidence = estimator.measure(target, probes, traces)
         return evidence
+
+
+def _judged_by(
+    reprojection: WarpedHoles, probes: Probes, warped: NDArray[np.float32], share: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the warped colours (N, C) that the probes' traces are held against, and the share (N,) of a pixel's
+    variance that these have.
+
+    They are the target's own, warped and share, but where these are single pixels of the source, they are looked up
+    between pixels: as wrong in the mean, with less noise, which else makes more tiles stand out by chance.
+    """
+    if reprojection.single is None:
+        return warped, share
+    place, single = (probes.rows, probes.columns), reprojection.single[probes.mask]
+    x, y = reprojection.places(place)
+    between = variance_share(x[None], y[None])[0]
+    return np.where(single[:, None], reprojection.between(place), warped), np.where(single, between, share)
 
 
 def _mean_of_finite(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -157,6 +157,8 @@ class HoleClassifier:
         for name in filter(filtered, warped.passes):
             image = warped.passes[name]
             image[pixels] = lookup_without(self.source.passes[name], x[pixels], y[pixels], edges.unusable, wraps=wraps)
+        if warped.sharpness is not None and warped.sharpness.single is not None:
+            warped.sharpness.single[pixels] = False
         return warped
 
     def reasons(self, warped: WarpedView, accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.uint16]:

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.lookup import variance_share
+from ..images.lookup import lookup, variance_share
 from ..images.masks import dilate
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, known_depth, seen_in_mirrors
 from ..images.reasons import Reason
@@ -89,9 +89,21 @@ class JudgedView:
             share = variance_share(warp.x, warp.y, interpolation=self.options.interpolation_of(COLOUR_PASS))
         else:
             share = mixed_variance_share(warp.x, warp.y, sharpness.cubic)
+            if sharpness.single is not None:
+                share[sharpness.single] = 1.0
         return (
             share if self.mirrors is None else np.where(self.mirrors.shown, self.mirrors.images.variance_share, share)
         )
+
+    @cached_property
+    def single(self) -> NDArray[np.bool_] | None:
+        """Pixels (H, W) whose light is that of a single pixel of the source (`images.grain`); None where that was not
+        asked for."""
+        sharpness = self.warped.sharpness
+        if sharpness is None or sharpness.single is None or self.mirrors is None:
+            return None if sharpness is None else sharpness.single
+        images = self.mirrors.images.single
+        return sharpness.single if images is None else np.where(self.mirrors.shown, images, sharpness.single)
 
     @property
     def samples(self) -> SourceSamples:
@@ -194,6 +206,17 @@ class Reprojection:
         reasons[seams(self.warped, cameras, first.target.camera, accuracy) & (reasons == 0)] |= Reason.SILHOUETTE.bit
         return reasons
 
+    def _single(self) -> NDArray[np.bool_] | None:
+        """Return the pixels (H, W) whose light is that of a single pixel of their source; None as in `JudgedView`."""
+        single = [view.single for view in self.views]
+        if any(mask is None for mask in single):
+            return None
+        return (
+            single[0]
+            if len(single) == 1
+            else of_chosen(self.warp.source, [mask for mask in single if mask is not None])
+        )
+
     def answered(self) -> WarpedHoles:
         """Return the passes and their holes, without all that only told the holes."""
         return WarpedHoles(
@@ -204,6 +227,7 @@ class Reprojection:
             self.grid,
             self.warped_by,
             tuple(view.samples for view in self.views),
+            self._single(),
         )
 
 
@@ -213,7 +237,9 @@ class WarpedHoles:
     `Reprojection` holds in memory.
 
     passes (H, W, C), warp, reasons (H, W), variance_share (H, W), grid and warped_by are those of `Reprojection`.
-    samples has an entry for each source. The passes are handed on to the target, which traces its pixels into them.
+    samples has an entry for each source. single (H, W) are the pixels whose light is that of a single pixel of their
+    source, None where that was not asked for. The passes are handed on to the target, which traces its pixels into
+    them.
     """
 
     passes: Passes
@@ -223,6 +249,7 @@ class WarpedHoles:
     grid: Grid
     warped_by: str
     samples: tuple[SourceSamples, ...]
+    single: NDArray[np.bool_] | None = None
 
     def sampled(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
         """Return the colours (N, C) of single source pixels: for each of N target pixels, the one nearest to its place
@@ -233,6 +260,13 @@ class WarpedHoles:
         """
         number = self.warp.source[place]
         return np.stack([samples.at(place) for samples in self.samples])[number, np.arange(number.size)]
+
+    def between(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
+        """Return the colours (N, C) of the sources, looked up linearly at the places that N target pixels show; place
+        is as for `sampled`."""
+        x, y = self.places(place)
+        looked_up = [lookup(samples.colour, x[None], y[None])[0] for samples in self.samples]
+        return np.stack(looked_up)[self.warp.source[place], np.arange(x.size)]
 
     def places(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> tuple[NDArray, NDArray]:
         """Return the positions x, y (N,), in pixels, that N target pixels show, each in its own source; place is as for

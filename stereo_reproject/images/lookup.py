@@ -69,6 +69,27 @@ def weight_product(x: NDArray, y: NDArray, one: str, other: str) -> NDArray[np.f
     return by_bands(product_at, x, y)
 
 
+def linear_overlap(
+    x: NDArray[np.float32], y: NDArray[np.float32], other_x: NDArray[np.float32], other_y: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return (h, w) the sum, over the pixels that both read, of the products of the weights of two linear lookups at
+    different positions x, y and other_x, other_y (h, w), in pixels of one picture; 0 where either is NaN.
+
+    Times the variance of a pixel, it is the covariance of the two values, where noise is independent by pixel.
+    """
+    overlap = np.ones(x.shape, np.float32)
+    for at, other_at in ((x, other_x), (y, other_y)):
+        known = ~(np.isnan(at) | np.isnan(other_at))
+        (pixel, t), (other_pixel, other_t) = (_split(np.where(known, each, 0.5)) for each in (at, other_at))
+        apart = pixel - other_pixel
+        both = (1.0 - t) * (1.0 - other_t) + t * other_t
+        overlap *= np.select(
+            [apart == 0, apart == 1, apart == -1], [both, (1.0 - t) * other_t, t * (1.0 - other_t)], 0.0
+        )
+        overlap *= known
+    return overlap
+
+
 def lookup_without(
     image: NDArray[np.float32], x: NDArray, y: NDArray, excluded: NDArray[np.bool_], *, wraps: bool = False
 ) -> NDArray[np.float32]:

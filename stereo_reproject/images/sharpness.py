@@ -32,16 +32,20 @@ class Sharpness:
     cubic is the share, 0 to 1, of the cubic lookup in the best mixture of it and the linear one. lost is the detail
     that a lookup may lose: the mean square of the difference between both, after `metrics.tone` and without what noise
     explains of it, over 3 x 3 pixels. noise is the variance that noise gives a single pixel of the source there, after
-    `metrics.tone`.
+    `metrics.tone`. single are the pixels that a single pixel of the source was taken for (`images.grain`), None where
+    that was not asked for.
     """
 
     cubic: NDArray[np.float32]
     lost: NDArray[np.float32]
     noise: NDArray[np.float32]
+    single: NDArray[np.bool_] | None = None
 
     def of_columns(self, columns: NDArray[np.intp]) -> Sharpness:
         """Return the sharpness of some columns of the picture, whose indices are given."""
-        return Sharpness(*(image[:, columns] for image in (self.cubic, self.lost, self.noise)))
+        single = None if self.single is None else self.single[:, columns]
+        cubic, lost, noise = (image[:, columns] for image in (self.cubic, self.lost, self.noise))
+        return Sharpness(cubic, lost, noise, single)
 
 
 def sharpness_of(

@@ -35,6 +35,19 @@ class ImagesTuning:
     """Pixels, down and across, over which the difference between a cubic and a linear lookup is averaged. By hand: 25
     pixels tell it from noise, and lettering is not much larger."""
 
+    grain_stretch_px: int = 16
+    """Pixels of a row that share the random number by which single pixels are looked up. By eye on cornell-box, 8
+    samples: with a number for each pixel dashes are left, and a stretch of 16 is not seen."""
+
+    grain_detail_share: float = 0.5
+    """Variance beyond noise, in variances of a pixel's noise, below which single pixels are looked up. By hand: a fine
+    texture as strong as noise has more."""
+
+    grain_slope_share: float = 0.04
+    """Squared slope per pixel, in variances of a pixel's noise, below which single pixels are looked up. With it edges
+    of cornell-box, 8 samples, stay straight by eye, without it they do not; a quarter of it leaves a fifth of the
+    picture to dashes (docs/accuracy.md)."""
+
     detail_reach_px: tuple[int, int] = (1, 1)
     """Pixels, down and across, over which that difference is averaged to find pixels that a lookup blurs too much. By
     measurement on a still life of lettering and cloth: over 5 x 5 pixels more are traced, and a third less of the error

@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..settings.accuracy import Accuracy, accuracy_of
+from ..settings.accuracy import accuracy_of
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
 from ..views.view import Rig
+from .fresh import FreshPixels
 from .renderer import Renderer
 from .stopwatch import Stopwatch
 from .tuning import TUNING
@@ -28,25 +29,28 @@ def render_many_views(
     names: Sequence[str],
     on_view: Callable[[FinishedView], None],
     *,
-    accuracy: Accuracy | None = None,
+    fresh: float = 0.0,
     watch: Stopwatch | None = None,
     known_costs: Callable[[], TraceCosts] = TraceCosts,
 ) -> ViewsMaker:
     """Render the views of these names, from the leftmost to the rightmost, and hand each to `on_view` when it is
     finished; return the maker, which knows how they came about.
 
-    The parameters are those of `render_stereo_frame`. At least two names are needed. Raises StereoReprojectError when a
-    render fails.
+    fresh is the share, 0 to 1, of the warped pixels of made views that is traced anew; none is in denoised pictures.
+    The other parameters are those of `render_stereo_frame`. At least two names are needed. Raises
+    StereoReprojectError when a render fails.
     """
     rig = Rig.of_cameras(renderer.cameras, renderer.motion)
     maker = ViewsMaker(
         renderer,
         settings,
         [rig[name] for name in names],
-        accuracy or accuracy_of(settings),
+        accuracy_of(settings),
         watch or Stopwatch(),
         known_costs,
         on_view,
+        # Alone in a denoised picture, a traced pixel stands out.
+        FreshPixels(fresh if renderer.denoise is None else 0.0, renderer.seed),
     )
     _make_all(maker)
     maker.watch.lap()
@@ -90,7 +94,7 @@ def _is_split(maker: ViewsMaker, gap: Gap) -> bool:
     start = time.perf_counter()
     tracing = maker.warped(gap.ends, gap.middle)
     costs = _costs(maker, time.perf_counter() - start)
-    holes = float(np.mean(tracing.target.traced))
+    holes = maker.fresh.without(float(np.mean(tracing.target.traced)))
     foreseen = tracing.planned_fill()
     if foreseen.method == "full" and foreseen.predicted_seconds > 0.0:
         maker.render(gap.middle, foreseen.reason)
@@ -99,7 +103,7 @@ def _is_split(maker: ViewsMaker, gap: Gap) -> bool:
         maker.render(gap.middle, _figures(gap, holes, "holes", costs))
         return True
     fills = maker.filled([tracing])
-    share = float(np.mean(tracing.target.traced)) + tracing.share_to_refine
+    share = maker.fresh.without(float(np.mean(tracing.target.traced))) + tracing.share_to_refine
     if _is_split_after_all(gap, share, costs):
         maker.render(gap.middle, _figures(gap, share, "to be traced", costs))
         return True
@@ -121,7 +125,9 @@ def _costs(maker: ViewsMaker, warp_seconds: float) -> ViewCosts:
     denoising = float(np.mean([cost.denoise_seconds for cost in maker.costs]))
     finishing = denoising if maker.finish_seconds is None else maker.finish_seconds
     tracing = maker.known_costs().packed_pixel_cost * (whole - denoising)
-    return ViewCosts(tracing / whole, (warp_seconds + finishing) / whole)
+    # As much of each view is traced anew, however far it is from those it is made from.
+    made = warp_seconds + finishing + maker.fresh.share * tracing
+    return ViewCosts(tracing / whole, made / whole)
 
 
 def _is_split_after_all(gap: Gap, share: float, costs: ViewCosts) -> bool:

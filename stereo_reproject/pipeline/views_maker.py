@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.noise_ratio import Estimate
+from ..estimate.shared_noise import NoiseOrigins, origins_of_made, origins_of_render
+from ..estimate.target import Provenance
 from ..estimate.tracing import ProbedTracing
 from ..images.depth_pass import with_depth_pass
-from ..images.passes import Passes, without_internal_passes
+from ..images.passes import COLOUR_PASS, Passes, without_internal_passes
 from ..settings.accuracy import Accuracy
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
@@ -20,6 +22,7 @@ from ..trace.fill import FillChoice, SourceCost
 from ..trace.requests import run_together
 from ..views.view import View
 from .finishing import Completed, composited, denoised
+from .fresh import FreshPixels
 from .renderer import Renderer
 from .shared_findings import SharedFindings
 from .source import Source, render_source
@@ -40,7 +43,7 @@ class FinishedView:
     number is its place in the order of the views. passes (H, W, C) are those that users get. sources are the names of
     the views that it was made from, none for a view that was rendered whole. traced (H, W) are the pixels that were
     traced. variance_share (H, W) is the variance of each pixel as a share of a plain render's. estimate is that of the
-    error, None where nothing was probed.
+    error, None where nothing was probed. origins are those of its noise, None in a denoised picture.
     """
 
     number: int
@@ -50,6 +53,7 @@ class FinishedView:
     traced: NDArray[np.bool_]
     variance_share: NDArray[np.float32]
     estimate: Estimate | None = None
+    origins: NoiseOrigins | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,8 @@ class ViewsMaker:
     """Renders and makes the views of one frame, and hands each to `on_view` when it is finished.
 
     renderer can render each of the `views` whole, and trace pixels of it. accuracy is that of the frame, for a picture
-    of `SettingsTuning.unscaled_picture_px`. steps, and the costs of the views that were rendered whole, grow under way.
+    of `SettingsTuning.unscaled_picture_px`. fresh chooses pixels of made views to be traced
+    anew. steps, and the costs of the views that were rendered whole, grow under way.
     light_scale is the number by which light is multiplied to be judged as it is seen: None before the first render.
     finish_seconds are those of putting the last made view together, and of denoising it: None before the first.
     sources has the views that were rendered whole and are still needed, by number.
@@ -79,6 +84,7 @@ class ViewsMaker:
     watch: Stopwatch
     known_costs: Callable[[], TraceCosts]
     on_view: Callable[[FinishedView], None]
+    fresh: FreshPixels
     steps: list[PlanStep] = field(default_factory=list)
     costs: list[SourceCost] = field(default_factory=list)
     light_scale: float | None = None
@@ -97,12 +103,18 @@ class ViewsMaker:
         self.steps.append(PlanStep((view.name,), f"rendered: {why}"))
         whole = np.ones(source.seen.depth.shape, bool)
         passes = with_depth_pass(without_internal_passes(source.rendered), view.camera)
-        self.on_view(FinishedView(number, view.name, passes, (), whole, whole.astype(np.float32)))
+        origins = None if source.denoising else origins_of_render(number, source.seen.passes[COLOUR_PASS])
+        self.on_view(FinishedView(number, view.name, passes, (), whole, whole.astype(np.float32), origins=origins))
 
     def plain_seconds(self, count: int) -> float:
         """Return the predicted seconds of rendering so many views plainly, with one sync of the scene."""
         whole = float(np.mean([cost.per_frame + cost.denoise_seconds for cost in self.costs]))
         return self.costs[0].sync_seconds + count * whole
+
+    @property
+    def packed_seconds(self) -> float:
+        """Predicted seconds of tracing all pixels of a view packed."""
+        return self.known_costs().packed_pixel_cost * float(np.mean([cost.per_frame for cost in self.costs]))
 
     def batches(self, numbers: Sequence[int]) -> list[Sequence[int]]:
         """Return these views in batches whose pixels are traced together: so many that memory holds them."""
@@ -120,7 +132,9 @@ class ViewsMaker:
         sources = [self.sources[end] for end in ends]
         task = self.task(self.views[ends[0]], self.views[number])
         warped = warp_sources(task, sources, seed=self.renderer.seed + PROBE_SEED_STEP * number)
-        return ProbedTracing(self.renderer, warped)
+        tracing = ProbedTracing(self.renderer, warped)
+        tracing.target = self.fresh.added_to(tracing.target, number)
+        return tracing
 
     def filled(self, tracings: Sequence[ProbedTracing]) -> list[FillChoice]:
         """Trace the holes and the probes of warped views together; return how."""
@@ -144,15 +158,20 @@ class ViewsMaker:
         """Put a view together that was made from those of the numbers `ends`, and hand it over."""
         view, sources = self.views[number], [self.views[end] for end in ends]
         task = self.task(sources[0], view)
-        share = done.warped.variance_share_of(done.target)
+        share, denoising = done.warped.variance_share_of(done.target), done.sources[0].denoising
+        origins = None
+        if denoising is None:
+            fresh = done.target.any_of(Provenance.FRESH)
+            warped_share = np.where(fresh, done.warped.variance_share, share)
+            origins = origins_of_made(ends, done.warped.reprojection, done.target, warped_share)
+        self.fresh.count(done.target)
         start = time.perf_counter()
         self.watch.lap(Stage.COMPOSITE)
         finished = composited(task, done)
-        denoising = done.sources[0].denoising
         if denoising is not None:
             self.watch.lap(Stage.DENOISE_TARGET)
             finished = denoised(done, finished, denoising)
         self.finish_seconds = time.perf_counter() - start
         passes = with_depth_pass(without_internal_passes(finished.passes), view.camera)
         names, estimate = tuple(source.name for source in sources), done.refinement.estimate
-        self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate))
+        self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate, origins))

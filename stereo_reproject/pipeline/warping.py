@@ -50,7 +50,8 @@ def warp_source(task: FrameTask, source: Source) -> WarpedSource:
     All that only tells the holes takes three times as much memory, and is let go here. So the holes of the next better
     accuracy are found now, though they belong to the account of the finished frame.
     """
-    reprojection, gpu = _reprojected(task, [source])
+    interpolations = interpolations_of(task.settings.interpolation, denoised=source.denoising is not None)
+    reprojection, gpu = _reprojected(task, [source], interpolations)
     target = _target_of(task, source, reprojection, seed=task.renderer.seed)
     tracing = task.renderer.tracing_of(target)
     better = next_better(source.accuracy) if tracing.can_promise else WHOLE
@@ -64,7 +65,9 @@ def warp_sources(task: FrameTask, sources: Sequence[Source], *, seed: int) -> Wa
 
     The sources have one accuracy, denoiser and light scale.
     """
-    reprojection, _ = _reprojected(task, sources)
+    linear, colour = interpolations_of(task.settings.interpolation, denoised=sources[0].denoising is not None)
+    # Beside views that are rendered whole, another look of the noise is seen.
+    reprojection, _ = _reprojected(task, sources, (linear, "grained" if colour == "adaptive" else colour))
     return _target_of(task, sources[0], reprojection, seed=seed)
 
 
@@ -94,10 +97,12 @@ def show_target(
     task.watch.show(target.view, lambda: shown_target(target.colour, source.light_scale, holes))
 
 
-def _reprojected(task: FrameTask, sources: Sequence[Source]) -> tuple[Reprojection, str | None]:
-    """Return the sources warped into the target, and the name of the GPU that was chosen for it, None for NumPy."""
+def _reprojected(
+    task: FrameTask, sources: Sequence[Source], interpolations: tuple[str, str]
+) -> tuple[Reprojection, str | None]:
+    """Return the sources warped into the target, and the name of the GPU that was chosen for it, None for NumPy.
+    interpolations are those of most passes and of the colour."""
     renderer, settings, target = task.renderer, task.settings, task.target
-    interpolations = interpolations_of(settings.interpolation, denoised=sources[0].denoising is not None)
     warp = partial(
         reproject,
         [source.seen for source in sources],

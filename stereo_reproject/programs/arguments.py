@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +168,7 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
 
 def views_of(arguments: argparse.Namespace) -> ViewsSettings:
     """Return the settings of many views from the parsed command-line options. Raises BadInputError."""
-    return views_settings(
+    views = views_settings(
         display=arguments.display,
         count=arguments.views,
         cone_degrees=arguments.cone,
@@ -176,6 +177,7 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         quilt=arguments.quilt,
         aspect=arguments.aspect,
     )
+    return replace(views, fresh=arguments.fresh)
 
 
 def add_views_arguments(parser: argparse.ArgumentParser) -> None:
@@ -244,6 +246,11 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
     )
     aspect = "width of the display over its height, where the pixels of a view are not square; such as 1.7778"
     add("--aspect", "RATIO", "aspect", number, aspect)
+    fresh = (
+        "share of each made view, 0 to 1, that is traced anew, so that less noise is common to neighbouring views (0)"
+    )
+    add("--fresh", "SHARE", "fresh", number, fresh)
+    parser.set_defaults(fresh=ViewsSettings.fresh)
 
 
 def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:

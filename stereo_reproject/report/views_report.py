@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pipeline.views_maker import FinishedView, PlanStep
+from ..estimate.shared_noise import SharedNoise
+from ..pipeline.stages import Stage
+from ..pipeline.views_maker import FinishedView, PlanStep, ViewsMaker
 from .as_json import ABSENT, Absent
 from .frame_report import MemoryReport
 from .header import PictureHeader
@@ -36,6 +38,8 @@ class ViewsCompareReport:
     views are their names: both ends, and one that was made. plain_seconds are predicted for all views, from those that
     were rendered plainly, with one sync; speedup is that over the seconds of our views. The measures are those of the
     worst of them, as `images.metrics` has them; a view that was rendered whole is as good as plain.
+    flicker_ratio is how much a surface changes from the view that was made to its neighbour, over that between plain
+    renders, None where pictures are not denoised.
     """
 
     views: tuple[str, ...]
@@ -46,9 +50,39 @@ class ViewsCompareReport:
     noise_ratio: float
     worst_tiles: float
     wrong_tiles: float
+    flicker_ratio: float | None
     flip: float | None
     noise_flip: float | None
     flip_ratio: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeighboursReport:
+    """The noise of the mean of neighbouring views, as many as `count`, over that of as many plain renders.
+
+    It is a ratio of standard deviations. noise_ratio is that of all such views, worst_noise_ratio that of the worst
+    ones, whose names are worst_views.
+    """
+
+    count: int
+    noise_ratio: float
+    worst_noise_ratio: float
+    worst_views: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreshReport:
+    """Pixels that were traced anew though the warp has an answer.
+
+    share is what was asked for. predicted_seconds follow from whole renders; seconds are their part, by their number,
+    of the seconds of all traces that were made together with them. noise_ratio_without is what
+    `NeighboursReport.noise_ratio` would be without them, None where that is not known.
+    """
+
+    share: float
+    predicted_seconds: float
+    seconds: float
+    noise_ratio_without: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +91,8 @@ class ViewsReport(PictureHeader):
 
     cone_degrees is the angle between the outermost cameras, baseline the distance between them and focus_distance that
     of the plane that all views show alike, in scene units. plan has a line for each decision on the way. seconds are by
-    stage and in total. predicted_speedup is over rendering each view plainly. files are the names of all files of the
-    result.
+    stage and in total. predicted_speedup is over rendering each view plainly. neighbours is None where pictures are
+    denoised; fresh is absent where nothing was to be traced anew. files are the names of all files of the result.
     """
 
     cone_degrees: float
@@ -72,6 +106,8 @@ class ViewsReport(PictureHeader):
     packed_by: str
     memory: MemoryReport
     warnings: tuple[str, ...]
+    neighbours: NeighboursReport | None = None
+    fresh: FreshReport | Absent = ABSENT
     files: tuple[str, ...] = ()
     compare: ViewsCompareReport | Absent = ABSENT
 
@@ -87,6 +123,31 @@ def view_report(view: FinishedView) -> ViewReport:
         traced=float(np.mean(view.traced)),
         honest_ratio=None if told is None else told.honest_ratio,
         interval=ends if ends is not None and all(map(math.isfinite, ends)) else None,
+    )
+
+
+def neighbours_report(noise: SharedNoise | None, names: Sequence[str]) -> NeighboursReport | None:
+    """Return the report of the noise that the views of these names have in common; None where it is not known."""
+    if noise is None:
+        return None
+    return NeighboursReport(
+        count=noise.count,
+        noise_ratio=noise.mean,
+        worst_noise_ratio=noise.worst,
+        worst_views=tuple(names[noise.worst_first : noise.worst_first + noise.count]),
+    )
+
+
+def fresh_report(maker: ViewsMaker, without: SharedNoise | None) -> FreshReport | Absent:
+    """Return the report of what was traced anew; `without` is the noise that views would have in common without it."""
+    fresh, camera = maker.fresh, maker.views[0].camera
+    if fresh.share <= 0.0:
+        return ABSENT
+    return FreshReport(
+        share=fresh.share,
+        predicted_seconds=fresh.traced / (camera.width * camera.height) * maker.packed_seconds,
+        seconds=fresh.traced / max(fresh.filled, 1) * maker.watch.seconds.get(Stage.FILL, 0.0),
+        noise_ratio_without=None if without is None else without.mean,
     )
 
 

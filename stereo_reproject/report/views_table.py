@@ -73,6 +73,26 @@ def _estimate_lines(made: Sequence[View]) -> list[str]:
     return [f"estimate      {ratio}{sources}{f'; {unknown} without an estimate' if unknown else ''}"]
 
 
+def _noise_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the noise of the mean of neighbouring views, and about what was traced anew; an empty list
+    where neither is known."""
+    neighbours, fresh, lines = report.get("neighbours"), report.get("fresh"), []
+    if neighbours:
+        ratio, worst = (number_text(neighbours.get(name), ".2f") for name in ("noise_ratio", "worst_noise_ratio"))
+        names = neighbours.get("worst_views") or ["?"]
+        lines.append(
+            f"neighbours    noise of the mean of {neighbours.get('count')} neighbouring views: {ratio} x that of plain"
+            f" ones, {worst} x in the worst, {names[0]} to {names[-1]}"
+        )
+    if fresh:
+        took, predicted = (number_text(fresh.get(name), ".1f") for name in ("seconds", "predicted_seconds"))
+        without = fresh.get("noise_ratio_without")
+        instead = f"; without it {number_text(without, '.2f')} x" if is_number(without) else ""
+        share = number_text(100.0 * fresh["share"], ".0f")
+        lines.append(f"  fresh       {share} % of a made view traced anew: {took} s, predicted {predicted} s{instead}")
+    return lines
+
+
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about the gain over rendering each view: measured in a comparison, or else predicted. An empty
     list for a report with neither."""
@@ -82,6 +102,9 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"  honest ratio {number_text(compare.get('honest_ratio'), '.3f')}    1 = as good as rendering it again"
         )
+        if is_number(compare.get("flicker_ratio")):
+            flicker = number_text(compare["flicker_ratio"], ".2f")
+            lines.append(f"  flicker      {flicker} x that of plain renders, between neighbouring views")
         compared = compare.get("views")
         return [*lines, f"  compared     {', '.join(map(str, compared))}"] if isinstance(compared, list) else lines
     if report.get("predicted_speedup") is not None:
@@ -98,6 +121,7 @@ def format_views_table(report: Mapping[str, Any]) -> str:
         *_seconds_lines(report["seconds"]),
         *_plan_lines(report.get("plan") or ()),
         *_views_lines(report["views"]),
+        *_noise_lines(report),
         *_gain_lines(report),
     ]
     return "\n".join(lines)

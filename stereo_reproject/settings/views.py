@@ -36,6 +36,8 @@ class ViewsSettings:
     columns and rows are the quilt's grid, with at least as many places as views; None makes no quilt. aspect is the
     width of the display over its height, None that of a view. Where a view's pixels are of another shape, they are not
     square. display is a name in `delivery.displays.DISPLAYS` that the others were taken from, None without one.
+
+    fresh is the share, 0 to 1, of the pixels of each made view that is traced anew though the warp has an answer.
     """
 
     count: int
@@ -46,6 +48,7 @@ class ViewsSettings:
     rows: int | None = None
     aspect: float | None = None
     display: str | None = None
+    fresh: float = 0.0
 
     def __post_init__(self) -> None:
         if self.count is None:
@@ -63,6 +66,7 @@ class ViewsSettings:
             if value is not None:
                 check_float(name, value, 0.0, above=True)
         self._check_quilt()
+        self._check_fresh()
         if self.aspect is not None:
             check_float("the aspect", self.aspect, ASPECTS[0])
             if self.aspect > ASPECTS[1]:
@@ -71,6 +75,13 @@ class ViewsSettings:
                 )
         if self.display is not None:
             display_of(self.display)
+
+    def _check_fresh(self) -> None:
+        """Raise BadInputError unless the share to be traced anew is one."""
+        check_float("the fresh share", self.fresh, 0.0)
+        if self.fresh > 1.0:
+            message = "the fresh share must be at most {most}, not {fresh}"
+            raise BadInputError(Words(message, most=1, fresh=f"{self.fresh:g}"))
 
     def _check_quilt(self) -> None:
         """Raise BadInputError unless there is no quilt, or one with a place for each view."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
+from ..images.grain import choice_of, chosen_pixels, ruled_by_noise
 from ..images.lookup import lookup
 from ..images.passes import (
     COLOUR_PASS,
@@ -26,7 +27,7 @@ from ..views.camera import Camera, goes_round, is_planar, target_from_source, ta
 from ..views.view import View
 from .forward import Warp
 from .motion import warp_motion
-from .options import WarpOptions
+from .options import MIXED, WarpOptions
 from .rendered_view import RenderedView
 from .scanline import row_law_of
 
@@ -74,6 +75,9 @@ def passes_seen(
     """
     warped: Passes = {}
     look_up_light, sharpness = _light_lookup(source, warp, look_up, options)
+    if options.interpolation_of(COLOUR_PASS) == "grained" and sharpness is not None:
+        linear = look_up(source.passes[COLOUR_PASS], "linear")
+        look_up_light, sharpness = _with_grain(source, target.name, warp, linear, look_up_light, sharpness)
     for name, image in source.passes.items():
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
@@ -84,7 +88,7 @@ def passes_seen(
             warped[name] = warp_motion(image, depth, warp, source.view.moving, target.moving, seen)
         elif name not in SOURCE_ONLY_PASSES:
             how = options.interpolation_of(name)
-            warped[name] = look_up_light(image) if how == "adaptive" else look_up(image, how)
+            warped[name] = look_up_light(image) if how in MIXED else look_up(image, how)
     return PassesSeen(warped, sharpness)
 
 
@@ -96,7 +100,7 @@ def _light_lookup(
     All light has the colour's share of the cubic lookup, so that its parts still add up. The sharpness is None where
     the options ask for no adaptive lookup of the colour.
     """
-    if options.interpolation_of(COLOUR_PASS) != "adaptive":
+    if options.interpolation_of(COLOUR_PASS) not in MIXED:
         return lambda image: look_up(image, options.interpolation), None
     colour, wraps = source.passes[COLOUR_PASS], source.wraps
     linear, cubic = look_up(colour, "linear"), look_up(colour, "cubic")
@@ -114,6 +118,34 @@ def _light_lookup(
         return mixed if image is colour else mixture(look_up(image, "linear"), look_up(image, "cubic"))
 
     return look_up_light, sharpness
+
+
+def _with_grain(
+    source: RenderedView,
+    name: str,
+    warp: Warp,
+    linear: NDArray[np.float32],
+    look_up_light: Callable[[NDArray[np.float32]], NDArray[np.float32]],
+    sharpness: Sharpness,
+) -> tuple[Callable[[NDArray[np.float32]], NDArray[np.float32]], Sharpness]:
+    """Return the lookup of a light pass and its sharpness with single pixels of the source where noise rules.
+
+    name is the target's; linear (h, w, C) is the linear lookup of the colour. All light has the colour's choice.
+    """
+    x, y = chosen_pixels(warp.x, warp.y, choice_of(name, linear.shape[:2]))
+
+    def chosen(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        return lookup(image, x, y, interpolation="nearest", wraps=source.wraps)
+
+    colour = chosen(source.passes[COLOUR_PASS])
+    single = ruled_by_noise(linear, colour, warp.x, warp.y, sharpness.noise)
+
+    def look_up_grained(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        seen = look_up_light(image)
+        np.copyto(seen, chosen(image), where=single[..., None])
+        return seen
+
+    return look_up_grained, replace(sharpness, single=single)
 
 
 def _target_position(

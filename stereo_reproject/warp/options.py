@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from ..images.passes import COLOUR_PASS, filtered, is_light
 
+MIXED = "adaptive", "grained"
+"""Interpolations of light that mix a linear and a cubic lookup."""
+
 
 @dataclass(frozen=True)
 class WarpOptions:
@@ -15,7 +18,7 @@ class WarpOptions:
     interpolation: "linear", "cubic" or "nearest", as `images.lookup.lookup` knows them; for passes that may be mixed.
     colour_interpolation: the same for the colour alone; None where it is looked up as the other passes are. "adaptive"
     is a mixture of linear and cubic, pixel by pixel (`images.sharpness`), for the colour and for all other light, whose
-    parts must add up.
+    parts must add up. "grained" is that, but single pixels where noise rules (`images.grain`).
     """
 
     grid_threshold: float = 0.25
@@ -25,12 +28,12 @@ class WarpOptions:
     @property
     def cubic(self) -> bool:
         """True where any pass is looked up with the cubic kernel, which reaches one pixel further."""
-        return bool({"cubic", "adaptive"} & {self.interpolation, self.colour_interpolation})
+        return bool({"cubic", *MIXED} & {self.interpolation, self.colour_interpolation})
 
     def interpolation_of(self, name: str) -> str:
         """Return the interpolation by which the pass of this name is looked up; "nearest" where its values must not be
         mixed."""
         if not filtered(name):
             return "nearest"
-        own = name == COLOUR_PASS or (self.colour_interpolation == "adaptive" and is_light(name))
+        own = name == COLOUR_PASS or (self.colour_interpolation in MIXED and is_light(name))
         return (self.colour_interpolation if own else None) or self.interpolation

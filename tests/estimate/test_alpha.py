@@ -37,6 +37,7 @@ class Catcher:
             reasons=np.zeros(SIZE, np.uint16),
             sampled=lambda place: warped[place],
             variance_share=np.ones(SIZE, np.float32),
+            single=None,
         )
         denoising = Denoising(lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures], 0.05) if denoised else None
         planner = FillPlanner("packed", SourceCost(60.0, 1.0), {})

@@ -45,6 +45,7 @@ class Frame:
             reasons=reasons,
             sampled=lambda place: self.reprojection.passes["Combined"][place],
             variance_share=np.ones(SIZE, np.float32),
+            single=None,
         )
         self.asked = []
 

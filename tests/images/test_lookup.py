@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.images.lookup import lookup, lookup_without, touches, variance_share
+from stereo_reproject.images.lookup import linear_overlap, lookup, lookup_without, touches, variance_share
 
 INTERPOLATIONS = ["linear", "cubic", "nearest"]
 SIZE = (30, 150)  # width and height in pixels
@@ -312,3 +312,16 @@ def test_a_lookup_across_the_seam_keeps_the_variance_that_is_told(interpolation)
     if interpolation == "linear":
         # What was repeated at the border kept all of it.
         assert lookup(noise, x, y).var() == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_overlap_of_two_lookups_is_that_of_their_weights():
+    """Of an image with a channel for each pixel, a lookup gives the weights."""
+    size = (6, 5)
+    weights_of = np.eye(size[0] * size[1], dtype=np.float32).reshape(*size, -1)
+    rng = np.random.default_rng(4)
+    y, x, other_y, other_x = (rng.uniform(1.5, size[k % 2] - 1.5, (30, 40)).astype(np.float32) for k in range(4))
+    expected = np.sum(lookup(weights_of, x, y) * lookup(weights_of, other_x, other_y), axis=-1)
+    np.testing.assert_allclose(linear_overlap(x, y, other_x, other_y), expected, atol=1e-5)
+    np.testing.assert_allclose(linear_overlap(x, y, x, y), variance_share(x, y), atol=1e-5)
+    x[2, 3] = np.nan
+    assert linear_overlap(x, y, other_x, other_y)[2, 3] == 0.0

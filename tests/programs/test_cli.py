@@ -300,6 +300,7 @@ def views_job(place):
         ),
         ("--views 45 --baseline 0.5 --focus 2", ViewsSettings(45, None, 0.5, 2.0, 9, 5), None),
         ("--quilt 4x3 --size 64x32", ViewsSettings(12, 40.0, columns=4, rows=3), [64, 32]),
+        ("--views 12 --fresh 0.25", ViewsSettings(12, 40.0, columns=4, rows=3, fresh=0.25), None),
     ],
 )
 def test_views_as_the_worker_gets_them(place, options, views, size):
@@ -328,6 +329,8 @@ def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, c
     ("options", "part"),
     [
         ("--views 1", "argument --views: the number of views must be from 2 to 256, not 1"),
+        ("--fresh 1.5", "argument --fresh: the fresh share must be at most 1, not 1.5"),
+        ("--fresh -1", "argument --fresh: the fresh share must be at least 0, not -1"),
         ("--views 1e2", "argument --views: must be a whole number"),
         ("--cone 180", "argument --cone: the cone must be below 180 degrees"),
         ("--cone nan", "argument --cone: the cone must be a finite number"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,12 +102,13 @@ def test_traced_pixels_are_those_of_a_whole_render(tmp_path, change):
             assert close.mean() > 0.9
 
 
-def test_the_views_of_a_scene_are_delivered(tmp_path, monkeypatch):
+@pytest.mark.parametrize("fresh", [0.0, 0.25])
+def test_the_views_of_a_scene_are_delivered(tmp_path, monkeypatch, fresh):
     scene = small_studio(tmp_path, lit=True)
     # On a fast machine so small a view would be rendered sooner than made.
     monkeypatch.setattr(many_views, "_costs", lambda *_: ViewCosts(1.25, 0.05))
     settings = StereoSettings(compare=True, scene=SceneOverrides(size=(160, 120), samples=64, denoise=False, seed=3))
-    report, files = render_views_files(scene, settings, VIEWS, tmp_path)
+    report, files = render_views_files(scene, settings, replace(VIEWS, fresh=fresh), tmp_path)
     out = tmp_path / "out"
     assert sorted(files) == sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
     assert report == json.loads((out / "report.json").read_text())
@@ -114,6 +116,17 @@ def test_the_views_of_a_scene_are_delivered(tmp_path, monkeypatch):
     assert {view["how"] for view in report["views"]} == {"rendered", "made"}
     assert report["compare"]["honest_ratio"] <= 1.10
     assert report["compare"]["views"][0] == "view_00"
+    assert report["compare"]["flicker_ratio"] is None
+    noise = report["neighbours"]
+    assert (noise["count"], len(noise["worst_views"])) == (3, 3)
+    assert 0.8 < noise["noise_ratio"] <= noise["worst_noise_ratio"] < math.sqrt(3.0)
+    assert ("fresh" in report) == (fresh > 0.0)
+    if fresh:
+        assert report["fresh"]["share"] == fresh
+        assert 0.0 < report["fresh"]["seconds"] <= report["seconds"]["fill"]
+        assert report["fresh"]["predicted_seconds"] > 0.0
+        assert 0.8 < report["fresh"]["noise_ratio_without"] < math.sqrt(3.0)
+        assert min(view["traced"] for view in report["views"]) > 0.9 * fresh
     quilt = read_png(out / "quilt_qs2x2a1.3333.png")
     assert quilt.shape[:2] == (240, 320)
     # View 0 is at the bottom left.
@@ -121,6 +134,16 @@ def test_the_views_of_a_scene_are_delivered(tmp_path, monkeypatch):
     exr = read_channels(out / "quilt_qs2x2a1.3333.exr")
     np.testing.assert_allclose(exr["R"][120:, :160], views[0]["R"], rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(exr["R"][:120, 160:], views[3]["R"], rtol=1e-3, atol=1e-4)
+
+
+def test_denoised_views_flicker_and_nothing_of_them_is_traced_anew(tmp_path):
+    scene = small_studio(tmp_path)
+    settings = StereoSettings(compare=True, scene=SceneOverrides(size=(64, 48), samples=1, denoise=True))
+    report, _ = render_views_files(scene, settings, replace(VIEWS, fresh=0.25), tmp_path)
+    assert any("nothing is traced anew" in line for line in report["warnings"])
+    assert "fresh" not in report
+    assert report["neighbours"] is None
+    assert 0.0 < report["compare"]["flicker_ratio"] < 2.0
 
 
 def test_the_cone_is_that_of_the_cameras_convergence_distance(tmp_path):

@@ -63,6 +63,25 @@ def test_what_was_measured_stands_in_the_place_of_what_was_predicted(report):
     ]
 
 
+def test_flicker_of_denoised_views(report):
+    report["compare"] = {"speedup": 3.25, "honest_ratio": 1.043, "flicker_ratio": 0.512}
+    assert format_views_table(report).splitlines()[-1] == (
+        "  flicker      0.51 x that of plain renders, between neighbouring views"
+    )
+
+
+def test_noise_of_neighbours_and_what_was_traced_anew(report):
+    names = ["view_01", "view_02", "view_03"]
+    report["neighbours"] = {"count": 3, "noise_ratio": 1.146, "worst_noise_ratio": 1.332, "worst_views": names}
+    noise = "noise of the mean of 3 neighbouring views: 1.15 x that of plain ones, 1.33 x in the worst"
+    assert format_views_table(report).splitlines()[11] == f"neighbours    {noise}, view_01 to view_03"
+    report["fresh"] = {"share": 0.25, "seconds": 12.04, "predicted_seconds": 10.0, "noise_ratio_without": 1.3}
+    told = "25 % of a made view traced anew: 12.0 s, predicted 10.0 s; without it 1.30 x"
+    assert format_views_table(report).splitlines()[12] == f"  fresh       {told}"
+    report["neighbours"] = report["fresh"]["noise_ratio_without"] = None
+    assert format_views_table(report).splitlines()[11].endswith("predicted 10.0 s")
+
+
 def test_views_without_an_estimate_are_counted(report):
     report["views"][1]["honest_ratio"] = None
     assert "made from view_00 and view_03; 1 without an estimate" in format_views_table(report)

@@ -19,6 +19,7 @@ BAD = [
     *[("columns", value) for value in [0, -8, 8.0, "8", None, 257, 5]],
     *[("rows", value) for value in [0, -6, 6.0, True, None, 257, 5]],
     *[("aspect", value) for value in [*NO_NUMBERS, 0.0, -0.75, 101.0, 0.001]],
+    *[("fresh", value) for value in [*NO_NUMBERS, -0.1, 1.01, None]],
     *[("display", value) for value in ["", "27", 65, ["go"]]],
 ]
 

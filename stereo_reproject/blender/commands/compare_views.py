@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,15 +10,21 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images.passes import COLOUR_PASS
+from ...estimate.flicker import Neighbours, flicker_ratio
+from ...images.exr import read_channels
+from ...images.passes import COLOUR_PASS, DEPTH_PASS, Passes, known_depth
+from ...images.seen_light import scaled_colour
+from ...jobs.work_folder import VIEWS_FOLDER
 from ...pipeline.stereo_frame import colour
 from ...pipeline.views_maker import FinishedView
 from ...report.views_report import ViewsCompareReport
 from ...settings.frame import StereoSettings
 from ...settings.views import view_names
 from ...trace.fill import SourceCost
+from ...views.camera import Camera
+from ...views.view import View
 from ...warp.composite import replace_non_finite
-from ..engines.render import render_views
+from ..engines.render import Rendered, render_views
 from ..engines.renderer import cost_of, shifted_seed
 from ..engines.views_renderer import set_up_middle, standing_beside
 from ..scene.working import working_scene
@@ -29,15 +35,16 @@ from .compare import REFERENCE_SEED_OFFSET, REPEATED_SEED_OFFSET, MultiviewRefer
 class PlainViews:
     """Finished views as a comparison needs them: their places, and the one that is compared.
 
-    offsets, focus_distance are those of the renderer and layer is the view layer; light_scale is the number by which
-    light is multiplied to be judged as it is seen. Of all views that one is compared which stands farthest from those
-    it was made from; of equal ones, that which is nearest to the middle. Where none was made, it is one that was
-    rendered, with noise of its own.
+    offsets, focus_distance and cameras are those of the renderer and layer is the view layer; light_scale is the number
+    by which light is multiplied to be judged as it is seen. Of all views that one is compared which stands farthest
+    from those it was made from; of equal ones, that which is nearest to the middle. Where none was made, it is one that
+    was rendered, with noise of its own.
     """
 
     offsets: Sequence[float]
     focus_distance: float
     layer: str
+    cameras: Mapping[str, Camera]
     light_scale: float = 1.0
     chosen: FinishedView | None = None
     _rank: tuple[float, float] = field(default=(0.0, 0.0))
@@ -65,6 +72,12 @@ def compare_views(
         set_up_middle(copy, made.focus_distance)
         plain = {number: _plain(copy, made.offsets[number], REFERENCE_SEED_OFFSET, work) for number in numbers}
         again, _ = _plain(copy, made.offsets[between], REPEATED_SEED_OFFSET, work)
+        beside, flicker = _neighbour(between, count), None
+        if chosen.origins is None:
+            with standing_beside(copy, made.offsets[beside]) as eye:
+                # With the same seed, both have one noise where they show the same in the same pixel.
+                neighbour = _rendered(copy, eye, REPEATED_SEED_OFFSET, work).views[eye]
+            flicker = _flicker(made, names[beside], plain[between][0], neighbour, work)
         engine = copy.render.engine
     costs = [cost for _, cost in plain.values()]
     all_seconds = costs[0].sync_seconds + count * float(np.mean([cost.per_frame for cost in costs]))
@@ -77,6 +90,7 @@ def compare_views(
         plain_seconds=all_seconds,
         speedup=all_seconds / seconds,
         **{name: value for name, value in errors.items() if name != "rmse"},
+        flicker_ratio=flicker,
         flip=flip,
         noise_flip=noise_flip,
         flip_ratio=flip / noise_flip if flip is not None and noise_flip else None,
@@ -88,5 +102,38 @@ def _plain(
 ) -> tuple[NDArray[np.float32], SourceCost]:
     """Return the colour (H, W, 4) of the view at this offset as Blender renders it, and what that has cost."""
     with standing_beside(scene, offset) as eye:
-        rendered = render_views(scene, (eye,), work, seed=shifted_seed(scene.cycles.seed, seed_offset))
+        rendered = _rendered(scene, eye, seed_offset, work)
     return colour(replace_non_finite(rendered.views[eye])[0]), cost_of(rendered)
+
+
+def _rendered(scene: bpy.types.Scene, eye: str, seed_offset: int, work: Path) -> Rendered:
+    """Render one eye of a scene as Blender does."""
+    return render_views(scene, (eye,), work, seed=shifted_seed(scene.cycles.seed, seed_offset))
+
+
+def _neighbour(number: int, count: int) -> int:
+    """Return the number of a neighbour of one of so many views."""
+    return number + 1 if number + 1 < count else number - 1
+
+
+def _flicker(made: PlainViews, name: str, plain: NDArray[np.float32], neighbour: Passes, work: Path) -> float | None:
+    """Return the flicker between the chosen view and a finished one of this name, its neighbour, over that between
+    plain renders of both: the colour (H, W, 4) of the one, and the passes of the other."""
+    chosen = made.chosen
+    assert chosen is not None
+    channels = read_channels(work / "out" / VIEWS_FOLDER / f"{name}.exr")
+    finished = np.stack([channels[letter] for letter in "RGBA"], axis=-1).astype(np.float32)
+    passes = replace_non_finite(neighbour)[0]
+
+    def pair(one: NDArray[np.float32], other: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        return scaled_colour(one, made.light_scale), scaled_colour(other, made.light_scale)
+
+    return flicker_ratio(
+        Neighbours(
+            View(chosen.name, made.cameras[chosen.name]),
+            View(name, made.cameras[name]),
+            known_depth(passes[DEPTH_PASS])[..., 0],
+            pair(chosen.passes[COLOUR_PASS], finished),
+            pair(plain, colour(passes)),
+        )
+    )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...delivery.quilts import quilt_name
+from ...estimate.shared_noise import NoiseOrigins, shared_noise
 from ...files import write_json
 from ...images.exr import read_channels, write_eye
 from ...jobs.memory import give_back_freed
@@ -23,7 +24,14 @@ from ...pipeline.stereo_frame import colour
 from ...pipeline.stopwatch import Stopwatch
 from ...pipeline.views_maker import FinishedView, ViewsMaker
 from ...report.as_json import as_json
-from ...report.views_report import ViewReport, ViewsReport, plan_lines, view_report
+from ...report.views_report import (
+    ViewReport,
+    ViewsReport,
+    fresh_report,
+    neighbours_report,
+    plan_lines,
+    view_report,
+)
 from ...settings.frame import StereoSettings
 from ...settings.views import ViewsSettings
 from ...trace.costs import TraceCosts
@@ -132,6 +140,7 @@ def _render(
     needs of them."""
     layer = check_layers(scene)[0]
     reports: dict[int, ViewReport] = {}
+    origins: dict[int, NoiseOrigins] = {}
 
     def on_stage(stage: str) -> None:
         onlooker.on_stage(stage, f"view {min(len(reports) + 1, views.count)} of {views.count}")
@@ -144,12 +153,16 @@ def _render(
             working, places.work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
         )
         facts = {**vars(picture_header(scene, working, settings)), **_facts(scene, working, renderer, cone)}
+        if views.fresh > 0.0 and renderer.denoise is not None:
+            facts["warnings"] += (Words("in denoised pictures nothing is traced anew: such pixels would stand out"),)
         for line in facts["warnings"]:
             warn(line)
-        kept = PlainViews(cone.offsets, cone.focus_distance, layer)
+        kept = PlainViews(cone.offsets, cone.focus_distance, layer, renderer.cameras)
 
         def on_view(view: FinishedView) -> None:
             reports[view.number] = view_report(view)
+            if view.origins is not None:
+                origins[view.number] = view.origins
             if settings.compare:
                 kept.add(view)
             write_eye(
@@ -160,10 +173,13 @@ def _render(
         def costs() -> TraceCosts:
             return known_costs(working, renderer.packed_by)
 
-        maker = render_many_views(renderer, settings, views.names, on_view, watch=watch, known_costs=costs)
+        maker = render_many_views(
+            renderer, settings, views.names, on_view, fresh=views.fresh, watch=watch, known_costs=costs
+        )
         learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
         kept.light_scale = maker.light_scale or 1.0
         facts["packed_by"] = renderer.packed.name
+        facts.update(_noise_facts(maker, [origins[number] for number in sorted(origins)]))
     give_back_freed()
     ordered = tuple(reports[number] for number in sorted(reports))
     return _report(scene, settings, views, facts, maker, ordered), kept
@@ -181,6 +197,15 @@ def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, renderer: ViewsRend
             *views_warnings(scene),
         ),
     }
+
+
+def _noise_facts(maker: ViewsMaker, origins: Sequence[NoiseOrigins]) -> dict[str, Any]:
+    """Return the fields of the report about the noise that views have in common; origins are those of all views in
+    order, none in denoised pictures."""
+    names = [view.name for view in maker.views]
+    before = shared_noise(origins) if origins else None
+    noise = shared_noise([each.anew() for each in origins]) if origins else None
+    return {"neighbours": neighbours_report(noise, names), "fresh": fresh_report(maker, before)}
 
 
 def _report(
