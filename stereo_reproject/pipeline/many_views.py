@@ -11,11 +11,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..settings.accuracy import Accuracy, accuracy_of
+from ..settings.accuracy import accuracy_of
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
 from ..views.view import Rig
 from .renderer import Renderer
+from .shared_findings import SharedFindings
 from .stopwatch import Stopwatch
 from .tuning import TUNING
 from .view_plan import Gap, ViewCosts
@@ -28,8 +29,8 @@ def render_many_views(
     names: Sequence[str],
     on_view: Callable[[FinishedView], None],
     *,
-    accuracy: Accuracy | None = None,
     watch: Stopwatch | None = None,
+    findings: SharedFindings | None = None,
     known_costs: Callable[[], TraceCosts] = TraceCosts,
 ) -> ViewsMaker:
     """Render the views of these names, from the leftmost to the rightmost, and hand each to `on_view` when it is
@@ -43,10 +44,11 @@ def render_many_views(
         renderer,
         settings,
         [rig[name] for name in names],
-        accuracy or accuracy_of(settings),
+        accuracy_of(settings),
         watch or Stopwatch(),
         known_costs,
         on_view,
+        findings=findings or SharedFindings(),
     )
     _make_all(maker)
     maker.watch.lap()
@@ -89,7 +91,7 @@ def _is_split(maker: ViewsMaker, gap: Gap) -> bool:
     """
     start = time.perf_counter()
     tracing = maker.warped(gap.ends, gap.middle)
-    costs = _costs(maker, time.perf_counter() - start)
+    costs = maker.findings.view_costs(_costs(maker, time.perf_counter() - start))
     holes = float(np.mean(tracing.target.traced))
     foreseen = tracing.planned_fill()
     if foreseen.method == "full" and foreseen.predicted_seconds > 0.0:

@@ -33,6 +33,7 @@ from ..report.chart_canvas import (
 )
 from ..report.label_places import spread
 from ..settings.animation import spelled
+from .report import views_in
 from .series import REST, Series, mean_of, number_in, series_of
 
 if TYPE_CHECKING:
@@ -119,8 +120,16 @@ def _details(report: Mapping[str, Any], series: Series) -> str:
     ]
     traced = mean_of(series.traced)
     if traced is not None:
-        parts.append(f"{percent(traced)} of the target eye traced on average")
+        parts.append(f"{percent(traced)} of {_traced_of(rows)[0]} traced on average")
     return ", ".join(part for part in parts if part)
+
+
+def _traced_of(rows: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Return in words of whose pixels the traced ones are a share, and by what multiview's seconds are predicted."""
+    views = views_in(rows)
+    if views is None:
+        return "the target eye", "what the source eye has cost"
+    return f"all {views} views", "what views rendered whole have cost"
 
 
 def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
@@ -135,11 +144,12 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
     reference = (
         f"measured on {compared} of {_counted(len(report['frames']))}"
         if compared
-        else "predicted from what the source eye has cost"
+        else f"predicted from {_traced_of(report['frames'])[1]}"
     )
+    share = f"the share of the pixels of {_traced_of(report['frames'])[0]}"
     facts = (
-        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: the "
-        "share of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "
+        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: "
+        f"{share}. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "
         "all else that is done before the next frame begins."
     )
     notes = [facts]

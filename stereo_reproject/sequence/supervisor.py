@@ -52,7 +52,7 @@ def run_animation(
             raise RunInterruptedError(error.signum, KEPT) from None
         except WorkerCrashedError as error:
             starts.crashes_in_a_row += 1
-            frame = str(starts.stage.get("detail"))
+            frame = str(starts.stage.get("detail")).partition(",")[0]
             if not frame.startswith(FRAME) or starts.crashes_in_a_row >= MAX_FAILURES_IN_A_ROW:
                 raise
             # What is there by now, the frame before this one among it, is the run's own, and was not reported yet.
