@@ -127,7 +127,9 @@ def _lines_of_views(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     lines = []
     rendered = [row["rendered_views"] for row in rows if isinstance(row.get("rendered_views"), int)]
     if rendered:
-        lines.append(f"rendered      {min(rendered)} to {max(rendered)} views of a frame, the others made from them")
+        least, most = min(rendered), max(rendered)
+        count = f"{least}" if least == most else f"{least} to {most}"
+        lines.append(f"rendered      {count} of {rows[0]['views']} views of a frame")
     known = [(row["honest_ratio"], row["frame"]) for row in rows if row.get("honest_ratio") is not None]
     if known:
         ratio, frame = max(known)

@@ -130,12 +130,13 @@ def _working(
             yield working
         return
     working = shared.scenes.at(settings.scene, layer)
-    moves = stereo_moves(working)
+    if stereo_moves(working):
+        yield working
+        # They were held still, and another frame needs what moves them.
+        shared.scenes.close()
+        return
     with stereo_restored(working):
         yield working
-    if moves:
-        # It was held still, and another frame needs what moves it.
-        shared.scenes.close()
 
 
 def render_views_of_frame(

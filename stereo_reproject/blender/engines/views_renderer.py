@@ -142,7 +142,7 @@ def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveC
 @contextmanager
 def stereo_restored(scene: bpy.types.Scene) -> Iterator[None]:
     """Restore what `set_up_middle` changes of a working scene after a `with` block, so that the scene can go on to
-    another frame; not the curves and drivers of stereo settings that move, see `stereo_moves`."""
+    another frame. Not for stereo settings that move, see `stereo_moves`: to set them would stop them."""
     stereo, layer = scene.camera.data.stereo, rendered_layer(scene)
     kept = {name: getattr(stereo, name) for name in STEREO_SETTINGS}
     with changed(stereo, **kept), changed(layer, use_pass_vector=layer.use_pass_vector):
