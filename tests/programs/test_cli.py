@@ -20,6 +20,7 @@ from stereo_reproject.errors import BadInputError, StereoReprojectError, in_one_
 from stereo_reproject.jobs import memory, supervisor, work_folder
 from stereo_reproject.programs import cli
 from stereo_reproject.sequence.journal_folder import JOURNAL
+from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
 
@@ -471,11 +472,14 @@ def test_of_a_killed_blender_nothing_stays_in_the_journal(place, capsys):
     [
         ("render", "out", "; nothing was written, and existing files are kept"),
         ("animate", "out", "; frames that are finished are kept"),
+        ("views", "out", "; frames that are finished are kept"),
         ("inspect", None, ""),
     ],
 )
 def test_of_a_killed_blender_its_files_are_told_and_not_its_log(place, command, output, words):
-    job = supervisor.Job(place / "room.blend", output and place / output, StereoSettings(), command, files=())
+    frames = AnimationSettings() if command in ("animate", "views") else None
+    settings, output = StereoSettings(), output and place / output
+    job = supervisor.Job(place / "room.blend", output, settings, command, files=(), animation=frames)
     with pytest.raises(StereoReprojectError) as raised:
         supervisor.run_worker(job, lambda _: None, command=stub(place, "killed"))
     told = (

@@ -1,4 +1,4 @@
-"""What is rendered of each frame of an animation: a stereo pair, or many views. `animation` does all else."""
+"""The kinds of frames of an animation: stereo pairs, or many views. `animation` does what they have in common."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FrameKind(Protocol):
 
     @property
     def maker(self) -> Callable[..., BlenderFrameMaker]:
-        """What returns the maker of the frames, with the parameters of `BlenderFrameMaker`."""
+        """The function or class that returns the frames' maker, with the parameters of `BlenderFrameMaker`."""
         ...
 
 
@@ -68,15 +68,15 @@ class Pairs:
     settings: StereoSettings
 
     def shaped(self, scene: bpy.types.Scene) -> AbstractContextManager[None]:
-        """As `FrameKind` says."""
+        """Have the pixels square for a panorama that is made of the scene; see `FrameKind`."""
         return pixels_of(scene, self.settings.scene.panorama)
 
     def output(self, scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, Output]:
-        """As `FrameKind` says."""
+        """Return the output that the scene's own settings ask for; see `FrameKind`."""
         return output_of(scene, options, self.settings.scene)
 
     def files(self, scene: bpy.types.Scene, output: Output, journal: Journal, options: AnimationSettings) -> Files:
-        """As `FrameKind` says; with pictures of the holes where these are asked for."""
+        """Return the files of each frame, with pictures of the holes where these are asked for; see `FrameKind`."""
         files = {frame: list(paths) for frame, paths in output.files.items()}
         if not options.holes:
             return files
@@ -89,12 +89,12 @@ class Pairs:
         return files
 
     def order(self, output: Output) -> dict[str, Any]:  # noqa: ARG002 - for many views
-        """As `FrameKind` says."""
+        """Return the panorama that is made of the scene; see `FrameKind`."""
         return {"panorama": self.settings.scene.panorama}
 
     @property
     def maker(self) -> Callable[..., BlenderFrameMaker]:
-        """As `FrameKind` says."""
+        """The class that makes pairs; see `FrameKind`."""
         return PairMaker
 
 
@@ -106,11 +106,11 @@ class Quilts:
     views: ViewsSettings
 
     def shaped(self, scene: bpy.types.Scene) -> AbstractContextManager[None]:
-        """As `FrameKind` says: as wide as the display."""
+        """Have a view as wide over its height as the display; see `FrameKind`."""
         return display_pixels(scene, self.views.aspect, self.settings.scene.size)
 
     def output(self, scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, QuiltOutput]:
-        """As `FrameKind` says."""
+        """Return the output of quilts in the folder of the options; see `FrameKind`."""
         return quilt_output_of(scene, options, self.views, self.settings.scene.size)
 
     def files(
@@ -120,14 +120,14 @@ class Quilts:
         journal: Journal,  # noqa: ARG002 - for pairs
         options: AnimationSettings,  # noqa: ARG002 - for pairs
     ) -> Files:
-        """As `FrameKind` says."""
+        """Return the files of each frame: quilts, views where these are kept, and a report; see `FrameKind`."""
         return {frame: [output.folder / name for name in output.frames.files(frame)] for frame in output.files}
 
     def order(self, output: QuiltOutput) -> dict[str, Any]:
-        """As `FrameKind` says."""
+        """Return the names of the quilts' files; see `FrameKind`."""
         return {"quilt": output.frames}
 
     @property
     def maker(self) -> Callable[..., BlenderFrameMaker]:
-        """As `FrameKind` says."""
+        """The class that makes many views, by their settings; see `FrameKind`."""
         return partial(ViewsFrameMaker, views=self.views)
