@@ -70,6 +70,15 @@ FRAME = "frame "
 """Beginning of the detail of an animation's stages; the frame's number follows, and after a comma what of the frame is
 rendered, where there is more than one part."""
 
+_FRAME_DETAIL = re.compile(rf"{FRAME}(\d+)(?:, .*)?")
+
+
+def frame_of(detail: str) -> int | None:
+    """Return the number of the frame in the detail of a stage; None where it names none."""
+    match = _FRAME_DETAIL.fullmatch(detail)
+    return None if match is None else int(match[1])
+
+
 VIEW = re.compile(r"view (\d+) of (\d+)")
 """Detail of the stages of many views, while one of them is made: its number from 1 on, and how many there are."""
 

@@ -120,16 +120,18 @@ def _details(report: Mapping[str, Any], series: Series) -> str:
     ]
     traced = mean_of(series.traced)
     if traced is not None:
-        parts.append(f"{percent(traced)} of {_traced_of(rows)[0]} traced on average")
+        of, how, _ = _traced_of(rows)
+        parts.append(f"{percent(traced)} of {of} {how} on average")
     return ", ".join(part for part in parts if part)
 
 
-def _traced_of(rows: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """Return in words of whose pixels the traced ones are a share, and by what multiview's seconds are predicted."""
+def _traced_of(rows: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
+    """Return in words of whose pixels the traced ones are a share, what was done with these, and by what multiview's
+    seconds are predicted."""
     views = views_in(rows)
     if views is None:
-        return "the target eye", "what the source eye has cost"
-    return f"all {views} views", "what views rendered whole have cost"
+        return "the target eye", "traced", "what the source eye has cost"
+    return f"all {views} views", "rendered or traced", "what views rendered whole have cost"
 
 
 def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
@@ -141,12 +143,9 @@ def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
 def _notes(report: Mapping[str, Any], series: Series) -> str:
     """Return the notes below the chart: what its words mean, and which frames are missing or have failed."""
     compared = int(np.isfinite(series.measured).sum())
-    reference = (
-        f"measured on {compared} of {_counted(len(report['frames']))}"
-        if compared
-        else f"predicted from {_traced_of(report['frames'])[1]}"
-    )
-    share = f"the share of the pixels of {_traced_of(report['frames'])[0]}"
+    of, how, cost = _traced_of(report["frames"])
+    reference = f"measured on {compared} of {_counted(len(report['frames']))}" if compared else f"predicted from {cost}"
+    share = f"the share of the pixels of {of} that was {how}"
     facts = (
         f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: "
         f"{share}. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "

@@ -111,8 +111,8 @@ class ViewPlaces:
 
 @dataclass(frozen=True)
 class SharedFrame:
-    """What a frame of an animation shares with the others: scenes are their working scenes; findings returns, for a
-    view layer's name, what they have found; learns is as for `frame.render_pair`."""
+    """The things that a frame of an animation shares with the others: scenes are their working scenes; findings
+    returns, for a view layer's name, what they have found; learns is as for `frame.render_pair`."""
 
     scenes: WorkingScenes
     findings: Callable[[str], SharedFindings]
