@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..stereo_reproject.jobs.progress import left_words
-from ..stereo_reproject.jobs.supervisor import FRAME, VIEW
+from ..stereo_reproject.jobs.supervisor import VIEW, frame_of
 from ..stereo_reproject.pipeline.stages import words_of
 from ..stereo_reproject.report.verdict import saved_words
 from ..stereo_reproject.words import Words
@@ -34,9 +34,10 @@ def frame_words(run: BackgroundJob) -> str:
     view = VIEW.fullmatch(run.detail)
     if view is not None:
         return Words("View {number} of {count}", number=int(view[1]), count=int(view[2]))
-    if run.animation is None or not run.detail.startswith(FRAME):
+    frame = frame_of(run.detail)
+    if run.animation is None or frame is None:
         return ""
-    frame, frames = int(run.detail.removeprefix(FRAME)), run.animation.frames
+    frames = run.animation.frames
     return Words("Frame {frame} ({place} of {count})", frame=frame, place=frames.index(frame) + 1, count=len(frames))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,10 +25,54 @@ MAX_WIDER = 2
 """Greatest number of columns of a chosen grid for each of its rows."""
 
 
+@dataclass(frozen=True)
+class Quilt:
+    """The grid of a quilt: its columns and rows, the width over the height of what a view shows, and the width and
+    height of a view in pixels."""
+
+    columns: int
+    rows: int
+    aspect: float
+    view_size: tuple[int, int]
+
+    @property
+    def tag(self) -> str:
+        """The end of the name of the quilt's file, as players read it, such as "qs8x6a0.75"."""
+        return quilt_tag(self.columns, self.rows, self.aspect)
+
+    @property
+    def movie_view_size(self) -> tuple[int, int]:
+        """The width and height of a view in a movie of quilts, whose sides encoders want even: a view has a pixel less
+        along a side by which the quilt would be odd."""
+        width, height = self.view_size
+        return width - width * self.columns % 2, height - height * self.rows % 2
+
+    @property
+    def movie_size(self) -> tuple[int, int]:
+        """The width and height of a movie of quilts in pixels."""
+        width, height = self.movie_view_size
+        return width * self.columns, height * self.rows
+
+
+def quilt_tag(columns: int, rows: int, aspect: float) -> str:
+    """Return how the names of a quilt's files end, such as "qs8x6a0.75". aspect is the width over the height of what a
+    view shows."""
+    return f"qs{columns}x{rows}a{f'{aspect:.{ASPECT_DECIMALS}f}'.rstrip('0').rstrip('.')}"
+
+
 def quilt_name(columns: int, rows: int, aspect: float) -> str:
-    """Return the name of a quilt's file without its extension, such as "quilt_qs8x6a0.75". aspect is the width over the
-    height of what a view shows."""
-    return f"quilt_qs{columns}x{rows}a{f'{aspect:.{ASPECT_DECIMALS}f}'.rstrip('0').rstrip('.')}"
+    """Return the name of a quilt's file without its extension, such as "quilt_qs8x6a0.75"; the parameters are those of
+    `quilt_tag`."""
+    return f"quilt_{quilt_tag(columns, rows, aspect)}"
+
+
+def with_smaller_views(picture: NDArray[Any], quilt: Quilt) -> NDArray[Any]:
+    """Return the picture (rows * H, columns * W, C) of a quilt with views of `Quilt.movie_view_size`: without the last
+    column of pixels of each view, or its last row, where the quilt's side is odd. All views lose the same, so that
+    nothing moves from one to the next."""
+    (width, height), (movie_width, movie_height) = quilt.view_size, quilt.movie_view_size
+    tiles = picture.reshape(quilt.rows, height, quilt.columns, width, -1)[:, :movie_height, :, :movie_width]
+    return tiles.reshape(quilt.rows * movie_height, quilt.columns * movie_width, -1)
 
 
 def grid_for(count: int) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from .progress import Progress
-from .supervisor import FRAME
+from .supervisor import frame_of
 
 MIN_TELLING_FRACTION = 0.2
 """Fraction of the first frame from which on it tells how long all others take: its beginning is slower than the rest,
@@ -24,15 +24,16 @@ class FramesProgress:
     def __init__(self, now: float, total: int, of_frame: Callable[[float], Progress]) -> None:
         self._total, self._of_frame = max(total, 1), of_frame
         self._frame, self._started = of_frame(now), now
-        self._begun: list[str] = []
+        self._begun: list[int] = []
         self._done, self._each = 0, 0.0
         self._shown = 0.0
 
     def begin(self, stage: str, now: float, detail: str = "") -> None:
         """Report that a stage has begun; a `detail` that names another frame than before begins that."""
-        if detail.startswith(FRAME) and detail not in self._begun[-1:]:
+        number = frame_of(detail)
+        if number is not None and number not in self._begun[-1:]:
             self._frame, self._started = self._of_frame(now), now
-            self._begun.append(detail)
+            self._begun.append(number)
         self._frame.begin(stage, now)
 
     def advance(self, fraction: float | None, now: float) -> None:
@@ -45,7 +46,7 @@ class FramesProgress:
         It may be later than the start of the next frame, which is rendered while the one before is written; and the
         frame may be another run's.
         """
-        frame = f"{FRAME}{event['frame']}"
+        frame = event["frame"]
         if frame in self._begun:
             # Those before it have failed, or are counted by the event too.
             del self._begun[: self._begun.index(frame) + 1]

@@ -67,7 +67,17 @@ from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, s
 Event = dict[str, Any]
 
 FRAME = "frame "
-"""Beginning of the detail of an animation's stages; the frame's number follows."""
+"""Beginning of the detail of an animation's stages; the frame's number follows, and after a comma what of the frame is
+rendered, where there is more than one part."""
+
+_FRAME_DETAIL = re.compile(rf"{FRAME}(\d+)(?:, .*)?")
+
+
+def frame_of(detail: str) -> int | None:
+    """Return the number of the frame in the detail of a stage; None where it names none."""
+    match = _FRAME_DETAIL.fullmatch(detail)
+    return None if match is None else int(match[1])
+
 
 VIEW = re.compile(r"view (\d+) of (\d+)")
 """Detail of the stages of many views, while one of them is made: its number from 1 on, and how many there are."""
@@ -101,7 +111,7 @@ class Job:
     command is a key of `worker.COMMANDS`. files are the names of the files that it is to make; the last of them (the
     report) is moved into place last, so that where it stands the others are complete. Without files, output may be
     None. only names the cases of a price list that are wanted; empty means all. animation has the settings of an
-    animation, and views those of many views; each is None for any other command.
+    animation, of pairs or of many views, and views those of many views; each is None for any other command.
 
     pictures: True where the eyes are wanted as pictures while they are made, each announced by an event "picture" whose
     file is whole and lives as long as the run; first_look: True where the first of them is to have a single sample.
@@ -166,7 +176,7 @@ def _files_made(job: Job, names: Any) -> tuple[str, ...]:
     """Return the names of the files that the job's result consists of, the report last. names is the list that the
     worker reported (which may be anything)."""
     made = [str(name) for name in names] if isinstance(names, list) else []
-    if job.command == "animate":
+    if job.animation is not None:
         return tuple(made)
     if job.command == "views":
         # Only what was rendered tells the quilt's name.
@@ -178,7 +188,7 @@ def _files_made(job: Job, names: Any) -> tuple[str, ...]:
 def _superseded(job: Job, output: Path, files: Sequence[str]) -> tuple[str, ...]:
     """Return the names of files in the folder `output` that an earlier run of the job's kind left there, and that do
     not belong to those of its result."""
-    if job.command == "views":
+    if job.command == "views" and job.animation is None:
         return views_superseded_by(output, files)
     return superseded_by(files) if job.command == "render" else ()
 
@@ -206,7 +216,7 @@ def _told_when_gone(job: Job, work: Path) -> Iterator[None]:
         raise
     except StereoReprojectError as error:
         # Blender makes folders that are missing, but not this file.
-        if job.command == "animate" or not is_missing(work / "pid"):
+        if job.animation is not None or not is_missing(work / "pid"):
             raise
         folder = tempfile.gettempdir() if job.output is None else job.output
         raise BadInputError(
@@ -249,7 +259,7 @@ def _message(job: Job, work: Path, blend: Path) -> bytes:
 
 def _kept_by(job: Job) -> str:
     """Return in words what is left in the output folder after a failed run; "" for a job that writes no files."""
-    if job.command == "animate":
+    if job.animation is not None:
         return "frames that are finished are kept"
     return "" if job.output is None else "nothing was written, and existing files are kept"
 

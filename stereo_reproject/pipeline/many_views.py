@@ -17,6 +17,7 @@ from ..trace.costs import TraceCosts
 from ..views.view import Rig
 from .fresh import FreshPixels
 from .renderer import Renderer
+from .shared_findings import SharedFindings
 from .stopwatch import Stopwatch
 from .tuning import TUNING
 from .view_plan import Gap, ViewCosts
@@ -31,6 +32,7 @@ def render_many_views(
     *,
     fresh: float = 0.0,
     watch: Stopwatch | None = None,
+    findings: SharedFindings | None = None,
     known_costs: Callable[[], TraceCosts] = TraceCosts,
 ) -> ViewsMaker:
     """Render the views of these names, from the leftmost to the rightmost, and hand each to `on_view` when it is
@@ -51,6 +53,7 @@ def render_many_views(
         on_view,
         # Alone in a denoised picture, a traced pixel stands out.
         FreshPixels(fresh if renderer.denoise is None else 0.0, renderer.seed),
+        findings=findings or SharedFindings(),
     )
     _make_all(maker)
     maker.watch.lap()
@@ -93,7 +96,7 @@ def _is_split(maker: ViewsMaker, gap: Gap) -> bool:
     """
     start = time.perf_counter()
     tracing = maker.warped(gap.ends, gap.middle)
-    costs = _costs(maker, time.perf_counter() - start)
+    costs = maker.findings.view_costs(_costs(maker, time.perf_counter() - start))
     holes = maker.fresh.without(float(np.mean(tracing.target.traced)))
     foreseen = tracing.planned_fill()
     if foreseen.method == "full" and foreseen.predicted_seconds > 0.0:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from ..trace.costs import TraceCosts
 from ..trace.fill import SourceCost
+from .view_plan import ViewCosts
 
 
 class SharedFindings:
@@ -17,6 +18,11 @@ class SharedFindings:
 
     def cost(self, found: SourceCost) -> SourceCost:
         """Return the cost of the source render by which the fill method is to be chosen; `found` is that of this
+        frame."""
+        return found
+
+    def view_costs(self, found: ViewCosts) -> ViewCosts:
+        """Return the costs by which it is decided which of many views are rendered whole; `found` are those of this
         frame."""
         return found
 

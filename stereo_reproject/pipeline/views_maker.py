@@ -74,7 +74,8 @@ class ViewsMaker:
     anew. steps, and the costs of the views that were rendered whole, grow under way.
     light_scale is the number by which light is multiplied to be judged as it is seen: None before the first render.
     finish_seconds are those of putting the last made view together, and of denoising it: None before the first.
-    sources has the views that were rendered whole and are still needed, by number.
+    sources has the views that were rendered whole and are still needed, by number. findings are those that the frame
+    shares with others of an animation.
     """
 
     renderer: Renderer
@@ -90,7 +91,7 @@ class ViewsMaker:
     light_scale: float | None = None
     finish_seconds: float | None = None
     sources: dict[int, Source] = field(default_factory=dict)
-    _findings: SharedFindings = field(default_factory=SharedFindings)
+    findings: SharedFindings = field(default_factory=SharedFindings)
 
     def render(self, number: int, why: str) -> None:
         """Render a view whole, to be a source of others; `why` goes into the plan."""
@@ -124,7 +125,7 @@ class ViewsMaker:
 
     def task(self, source: View, target: View) -> FrameTask:
         """Return the task of making one view from others, of which `source` is the first."""
-        return FrameTask(self.renderer, self.settings, source, target, self._findings, self.known_costs, self.watch)
+        return FrameTask(self.renderer, self.settings, source, target, self.findings, self.known_costs, self.watch)
 
     def warped(self, ends: Sequence[int], number: int) -> ProbedTracing:
         """Return a view as the rendered ones of these numbers show it, ready to be traced."""

@@ -102,6 +102,7 @@ def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettin
         movie=arguments.movie,
         holes=arguments.holes,
         compare_every=arguments.every,
+        views=arguments.view_files,
     )
 
 
@@ -120,16 +121,17 @@ def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
         help="also render each N-th frame, from the scene's first on, with Blender's multiview, and measure against it",
     )
     _add_quiet(parser)
-    parser.set_defaults(compare=False)
+    parser.set_defaults(compare=False, view_files=False)
 
 
-def _add_frames(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which frames are rendered, and how frames that exist already are treated."""
+def _add_frames(parser: argparse.ArgumentParser, *, without: str = "those of the scene") -> None:
+    """Add the options that say which frames are rendered, and how frames that exist already are treated. `without`
+    names the frames that are rendered without the first of them."""
     parser.add_argument(
         "--frames",
         metavar="A-B[:STEP]",
         type=read_by(read_frames),
-        help="frames to render, such as 1-24, 1-24:2 or 1-10,15; without it those of the scene",
+        help=f"frames to render, such as 1-24, 1-24:2 or 1-10,15; without it {without}",
     )
     existing = parser.add_mutually_exclusive_group()
     existing.add_argument(
@@ -144,13 +146,7 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
 def _add_delivery(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how an animation is stored: movie, stereo layout, file format, and pictures of the
     holes."""
-    parser.add_argument(
-        "--movie",
-        metavar="FILE",
-        nargs="?",
-        const="",
-        help="make a movie of all frames when they are there; in DIR and named after its layout, if FILE is left out",
-    )
+    _add_movie(parser, named="its layout")
     parser.add_argument(
         "--layout",
         type=str.lower,
@@ -164,6 +160,35 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--holes", action="store_true", help="also a picture for each frame of what was traced, and why"
     )
+
+
+def _add_movie(parser: argparse.ArgumentParser, *, named: str) -> None:
+    """Add the option for a movie of all frames, which is named after `named` where no name is given."""
+    parser.add_argument(
+        "--movie",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help=f"make a movie of all frames when they are there; in DIR and named after {named}, if FILE is left out",
+    )
+
+
+def check_frames_of_views(arguments: argparse.Namespace) -> None:
+    """Raise BadInputError where options of many views that go with several frames are given for one, or the other way
+    round."""
+    if arguments.frames is not None:
+        if arguments.compare:
+            raise BadInputError("--compare is of one frame: leave it out with --frames, or name one frame by --frame")
+        return
+    given = {
+        "--resume": arguments.resume,
+        "--overwrite": arguments.overwrite,
+        "--movie": arguments.movie is not None,
+        "--view-files": arguments.view_files,
+    }
+    option = next((option for option, is_given in given.items() if is_given), None)
+    if option is not None:
+        raise BadInputError(f"{option} is of several frames: name them by --frames")
 
 
 def views_of(arguments: argparse.Namespace) -> ViewsSettings:
@@ -185,6 +210,13 @@ def add_views_arguments(parser: argparse.ArgumentParser) -> None:
     _add_scene_file(parser)
     _add_picture(parser, size_of="one view")
     _add_output(parser)
+    _add_frames(parser, without="the one of --frame")
+    _add_movie(parser, named="the scene and the grid of its quilts")
+    parser.add_argument(
+        "--view-files",
+        action="store_true",
+        help="with --frames: also each view of each frame as an EXR of its own, in DIR/views",
+    )
     _add_views(parser)
     _add_denoise(parser, what="all views")
     _add_accuracy(parser, of="each view")
@@ -204,6 +236,10 @@ def add_views_arguments(parser: argparse.ArgumentParser) -> None:
         source=StereoSettings.source,
         source_engine=None,
         fill=StereoSettings.fill,
+        layout=None,
+        format=None,
+        holes=False,
+        every=None,
         **dict.fromkeys(PANORAMAS),
     )
 

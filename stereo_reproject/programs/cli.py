@@ -37,6 +37,7 @@ from .arguments import (
     add_tradeoff_arguments,
     add_views_arguments,
     animation_of,
+    check_frames_of_views,
     overrides_of,
     settings_of,
     views_of,
@@ -96,8 +97,12 @@ def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
 def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     """Run the `animate` command: render the frames, print the summary and the files, and return the exit status."""
     settings = settings_of(arguments)
-    job = _scene_job(arguments, settings, command="animate", files=())
-    assert job.blend is not None
+    return _run_frames(_scene_job(arguments, settings, command="animate", files=()), arguments, console, host)
+
+
+def _run_frames(job: Job, arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    """Have the frames of an animation rendered by a job that lacks only the animation's settings, print the summary and
+    the files, and return the exit status."""
     assert job.output is not None
     if arguments.movie:
         named = arguments.movie.endswith(("/", os.sep))
@@ -113,10 +118,15 @@ def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int
 
 
 def _views(arguments: argparse.Namespace, console: Console, host: Host) -> int:
-    """Run the `views` command: render many views of a frame, print their report, and return the exit status."""
+    """Run the `views` command: render many views of a frame, or of many, print their report, and return the exit
+    status."""
     views = views_of(arguments)
+    check_frames_of_views(arguments)
     arguments.size = arguments.size or views.view_size
-    job = _scene_job(arguments, settings_of(arguments), command="views", views=views, files=views_files(views))
+    files = views_files(views) if arguments.frames is None else ()
+    job = _scene_job(arguments, settings_of(arguments), command="views", views=views, files=files)
+    if arguments.frames is not None:
+        return _run_frames(job, arguments, console, host)
     return _run(job, arguments, console, host, format_views_table)
 
 
@@ -295,10 +305,11 @@ COMMANDS = (
     ),
     Command(
         "views",
-        "Render many views of one frame, for light-field displays, and put them together as a quilt.",
+        "Render many views of a frame, or of many, for light-field displays, and put each frame's together as a quilt.",
         "  %(prog)s room.blend --output out --display portrait\n"
         "  %(prog)s room.blend --output out --views 48 --cone 40 --size 420x560 --focus 2.5\n"
-        "  %(prog)s room.blend --output out --views 12 --baseline 0.3 --quilt 4x3 --compare\n",
+        "  %(prog)s room.blend --output out --views 12 --baseline 0.3 --quilt 4x3 --compare\n"
+        "  %(prog)s shot.blend --output out --display portrait --frames 1-240 --resume --movie\n",
         add_views_arguments,
         _views,
     ),

@@ -104,33 +104,49 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 def _animate(job: dict[str, Any], emit: Emit) -> None:
     """Render the pairs of many frames into files of the scene's own format, and report them. In the events of stages,
     the detail names the frame."""
-    from ..blender.commands.animation import SavedScene, render_animation_files
-    from ..jobs.supervisor import Session
-    from ..sequence.progress import Listener
+    from ..blender.commands.animation import render_animation_files
 
     warn = _warning_of(emit)
     scene, _ = _open(job, emit, warn)
-    listener = Listener(
+    report = render_animation_files(
+        scene,
+        _settings(job["settings"]),
+        _animation(job["animation"]),
+        _saved(job),
+        files=job["files"],
+        listener=_listener(job, emit, warn),
+    )
+    # Without a frame of its own to render, a run leaves none.
+    emit("done", report=report, files=job["files"] if report["last"] is not None else [])
+
+
+def _saved(job: dict[str, Any]) -> Any:
+    """Return the `SavedScene` of an animation's job."""
+    from ..blender.commands.animation import SavedScene
+    from ..jobs.supervisor import Session
+
+    return SavedScene(Path(job["blend"]), Session(**job["session"]), Path(job["work"]))
+
+
+def _listener(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> Any:
+    """Return the `Listener` that emits what an animation of the job reports; `warn` gets its warnings."""
+    from ..sequence.progress import Listener
+
+    return Listener(
         _on_stage(emit),
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),
         warn,
         _onlooker(job, emit),
     )
-    report = render_animation_files(
-        scene,
-        _settings(job["settings"]),
-        _animation(job["animation"]),
-        SavedScene(Path(job["blend"]), Session(**job["session"]), Path(job["work"])),
-        files=job["files"],
-        listener=listener,
-    )
-    # Without a frame of its own to render, a run leaves none.
-    emit("done", report=report, files=job["files"] if report["last"] is not None else [])
 
 
 def _views(job: dict[str, Any], emit: Emit) -> None:
-    """Render many views of one frame into work/out, with the quilt and what shows them, and report them."""
+    """Render many views of one frame into work/out, with the quilt and what shows them, and report them; or those of
+    many frames, as `_animate` does pairs."""
+    if job["animation"] is not None:
+        _animate_views(job, emit)
+        return
     from ..blender.commands.views import render_views_files
     from ..blender.output.quilt_files import display_pixels
 
@@ -142,6 +158,19 @@ def _views(job: dict[str, Any], emit: Emit) -> None:
             scene, settings, views, work, load_seconds=loaded, onlooker=_onlooker(job, emit), warn=warn
         )
     _finish(report, files, emit, warn)
+
+
+def _animate_views(job: dict[str, Any], emit: Emit) -> None:
+    """Render many views of many frames into quilts, and report them."""
+    from ..blender.commands.animation import render_frames_of
+    from ..blender.commands.frame_kinds import Quilts
+
+    warn = _warning_of(emit)
+    scene, _ = _open(job, emit, warn)
+    kind = Quilts(_settings(job["settings"]), ViewsSettings(**job["views"]))
+    saved, listener = _saved(job), _listener(job, emit, warn)
+    report = render_frames_of(kind, scene, _animation(job["animation"]), saved, listener=listener)
+    emit("done", report=report, files=[])
 
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:

@@ -33,6 +33,7 @@ from ..report.chart_canvas import (
 )
 from ..report.label_places import spread
 from ..settings.animation import spelled
+from .report import views_in
 from .series import REST, Series, mean_of, number_in, series_of
 
 if TYPE_CHECKING:
@@ -119,8 +120,18 @@ def _details(report: Mapping[str, Any], series: Series) -> str:
     ]
     traced = mean_of(series.traced)
     if traced is not None:
-        parts.append(f"{percent(traced)} of the target eye traced on average")
+        of, how, _ = _traced_of(rows)
+        parts.append(f"{percent(traced)} of {of} {how} on average")
     return ", ".join(part for part in parts if part)
+
+
+def _traced_of(rows: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
+    """Return in words of whose pixels the traced ones are a share, what was done with these, and by what multiview's
+    seconds are predicted."""
+    views = views_in(rows)
+    if views is None:
+        return "the target eye", "traced", "what the source eye has cost"
+    return f"all {views} views", "rendered or traced", "what views rendered whole have cost"
 
 
 def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
@@ -132,14 +143,12 @@ def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
 def _notes(report: Mapping[str, Any], series: Series) -> str:
     """Return the notes below the chart: what its words mean, and which frames are missing or have failed."""
     compared = int(np.isfinite(series.measured).sum())
-    reference = (
-        f"measured on {compared} of {_counted(len(report['frames']))}"
-        if compared
-        else "predicted from what the source eye has cost"
-    )
+    of, how, cost = _traced_of(report["frames"])
+    reference = f"measured on {compared} of {_counted(len(report['frames']))}" if compared else f"predicted from {cost}"
+    share = f"the share of the pixels of {of} that was {how}"
     facts = (
-        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: the "
-        "share of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "
+        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: "
+        f"{share}. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "
         "all else that is done before the next frame begins."
     )
     notes = [facts]

@@ -116,6 +116,27 @@ def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
     draw_animation_chart(report, path.with_suffix(""), until_whole=until_whole)
 
 
+def views_in(rows: Sequence[Mapping[str, Any]]) -> int | None:
+    """Return the number of views of each frame in a report's rows; None where the frames are pairs."""
+    views = rows[0].get("views") if rows else None
+    return views if isinstance(views, int) else None
+
+
+def _lines_of_views(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the lines of the summary that only frames of many views have."""
+    lines = []
+    rendered = [row["rendered_views"] for row in rows if isinstance(row.get("rendered_views"), int)]
+    if rendered:
+        least, most = min(rendered), max(rendered)
+        count = f"{least}" if least == most else f"{least} to {most}"
+        lines.append(f"rendered      {count} of {rows[0]['views']} views of a frame")
+    known = [(row["honest_ratio"], row["frame"]) for row in rows if row.get("honest_ratio") is not None]
+    if known:
+        ratio, frame = max(known)
+        lines.append(f"estimate      honest ratio {ratio:.3f} in the worst view of all, in frame {frame}")
+    return lines
+
+
 def format_animation(report: Mapping[str, Any]) -> str:
     """Return the summary of an animation for people, from the content of animation.json, in a few lines."""
     whole = report["totals"]
@@ -127,12 +148,18 @@ def format_animation(report: Mapping[str, Any]) -> str:
     how = whole["speedup_from"]
     if whole.get("multiview_synced") == "anew":
         how += "; it synced the scene anew for each compared frame"
+    views = views_in(report["frames"])
+    what, over = "the target eye, on average", "Blender's multiview"
+    if views is not None:
+        what, over = f"all pixels of {views} views, those of rendered views among them", f"{views} plain renders"
     lines = [
         f"frames        {whole['frames']}",
         f"per frame     {each:.2f} s, {beside:.2f} s not for rendering",
-        f"traced        {100 * whole['traced']:.1f} % of the target eye, on average",
-        f"speed-up      {whole['speedup']:.2f} x over Blender's multiview, {how}",
+        f"traced        {100 * whole['traced']:.1f} % of {what}",
+        f"speed-up      {whole['speedup']:.2f} x over {over}, {how}",
     ]
+    if views is not None:
+        lines += _lines_of_views(report["frames"])
     if known:
         lines.append(f"noise ratio   {max(known):.3f} in the worst of {whole['compared']} compared frames")
     return "\n".join(lines)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..jobs.interrupts import Interrupts, RunInterruptedError
-from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
+from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, frame_of, run_worker
 from ..jobs.warn_once import WarnOnce
 from ..jobs.worker_process import Worker
 from ..words import Words
@@ -52,8 +52,8 @@ def run_animation(
             raise RunInterruptedError(error.signum, KEPT) from None
         except WorkerCrashedError as error:
             starts.crashes_in_a_row += 1
-            frame = str(starts.stage.get("detail"))
-            if not frame.startswith(FRAME) or starts.crashes_in_a_row >= MAX_FAILURES_IN_A_ROW:
+            frame = frame_of(str(starts.stage.get("detail")))
+            if frame is None or starts.crashes_in_a_row >= MAX_FAILURES_IN_A_ROW:
                 raise
             # What is there by now, the frame before this one among it, is the run's own, and was not reported yet.
             existing = "resume" if animation.existing == "refuse" else animation.existing
@@ -63,8 +63,8 @@ def run_animation(
                     {"event": "warning", "message": Words("Blender is started again: {reason}", reason=str(error))}
                 )
                 continue
-            animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
-            warning = Words("{frame} is left out: {reason}", frame=frame, reason=str(error))
+            animation = replace(animation, skip={**animation.skip, frame: str(error)})
+            warning = Words("{frame} is left out: {reason}", frame=f"{FRAME}{frame}", reason=str(error))
             on_event({"event": "warning", "message": warning})
         finally:
             if job.output is not None:

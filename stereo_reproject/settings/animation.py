@@ -27,7 +27,8 @@ class AnimationSettings:
     frames; None means that of the scene's output path. layout is one of `delivery.layouts.LAYOUTS`, and file_format is
     one of Blender's names; None means the scene's own. movie is the path of a movie to be made of all frames; "" names
     it after the frames, None makes none. With holes there is also a picture of the traced pixels for each frame. Each
-    compare_every-th frame, counted from the scene's first, is compared with multiview; None compares none.
+    compare_every-th frame, counted from the scene's first, is compared with multiview; None compares none. With views,
+    each view of a frame of many views is a file too, besides their quilt.
 
     The rest is for a worker that is started again after a crash: skip are frames that are not tried, with the reason;
     finished are frames that this run has rendered already; goes_on is True if there was such an earlier worker.
@@ -41,6 +42,7 @@ class AnimationSettings:
     movie: str | None = None
     holes: bool = False
     compare_every: int | None = None
+    views: bool = False
     skip: Mapping[int, str] = field(default_factory=dict)
     finished: tuple[int, ...] = ()
     goes_on: bool = False

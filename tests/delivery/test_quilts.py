@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.delivery.quilts import QUILT_FILE, assemble_quilt, grid_for, quilt_bands, quilt_name
+from stereo_reproject.delivery.displays import DISPLAYS
+from stereo_reproject.delivery.quilts import (
+    QUILT_FILE,
+    Quilt,
+    assemble_quilt,
+    grid_for,
+    quilt_bands,
+    quilt_name,
+    with_smaller_views,
+)
 
 HEIGHT, WIDTH = 3, 2
 
@@ -81,3 +90,24 @@ def test_each_view_has_a_place_in_a_grid_that_is_no_strip(count):
     columns, rows = grid_for(count)
     assert count <= columns * rows
     assert rows <= columns <= 2 * rows
+
+
+@pytest.mark.parametrize("display", DISPLAYS.values(), ids=DISPLAYS)
+def test_a_movie_has_even_sides_and_views_of_one_pixel_less_at_most(display):
+    size = display.view_size(None, None)
+    quilt = Quilt(display.columns, display.rows, display.aspect, size)
+    assert [side % 2 for side in quilt.movie_size] == [0, 0]
+    assert {whole - part for whole, part in zip(size, quilt.movie_view_size, strict=True)} <= {0, 1}
+
+
+@pytest.mark.parametrize(
+    ("grid", "size", "smaller"),
+    [((3, 2), (4, 3), (4, 3)), ((3, 2), (5, 3), (4, 3)), ((2, 3), (5, 3), (5, 2)), ((3, 3), (5, 3), (4, 2))],
+)
+def test_in_a_movie_all_views_lose_the_same_pixels(grid, size, smaller):
+    (columns, rows), (width, height) = grid, size
+    quilt = Quilt(columns, rows, 1.0, size)
+    assert quilt.movie_view_size == smaller
+    views = [np.arange(width * height * 4).reshape(height, width, 4) + 1000 * k for k in range(columns * rows)]
+    expected = assemble_quilt([view[: smaller[1], : smaller[0]] for view in views], columns, rows)
+    np.testing.assert_array_equal(with_smaller_views(assemble_quilt(views, columns, rows), quilt), expected)

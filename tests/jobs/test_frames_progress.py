@@ -55,6 +55,14 @@ def test_a_frame_that_is_written_while_the_next_is_rendered_counts_once(late):
     assert progress.remaining(70.0) == pytest.approx(10.0 + 2 * 40.0)
 
 
+def test_the_parts_of_a_frame_are_of_one_frame():
+    progress, parts = progress_of(4), progress_of(4)
+    rendered(progress, 1, 0.0)
+    parts.begin("source", 0.0, "frame 1, view 1 of 8")
+    parts.begin("fill", 30.0, "frame 1, view 2 of 8")
+    assert parts.fraction(30.0) == progress.fraction(30.0) == pytest.approx(0.75 / 4)
+
+
 def test_in_the_last_frame_there_is_no_more_left_than_of_itself():
     progress = progress_of(2)
     rendered(progress, 1, 0.0)

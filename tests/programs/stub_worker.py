@@ -84,7 +84,8 @@ def views(*, without=()):
 
 
 def begin(frame):
-    say("stage", stage="source", detail=f"frame {frame}")
+    part = ", view 2 of 4" if "of views" in behaviour else ""
+    say("stage", stage="source", detail=f"frame {frame}{part}")
 
 
 def done(frame, *, left):
@@ -229,7 +230,7 @@ match behaviour:
         say("note", message="rendered again, for being damaged: 2")
         time.sleep(0.2)
         animate()
-    case "animation that crashes":
+    case "animation that crashes" | "animation of views that crashes":
         animate(crash_at=int(notes.joinpath("crash at").read_text()))
     case "animation that warns and crashes":
         say("warning", message="a library is missing")

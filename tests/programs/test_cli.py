@@ -20,6 +20,7 @@ from stereo_reproject.errors import BadInputError, StereoReprojectError, in_one_
 from stereo_reproject.jobs import memory, supervisor, work_folder
 from stereo_reproject.programs import cli
 from stereo_reproject.sequence.journal_folder import JOURNAL
+from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
 
@@ -343,6 +344,14 @@ def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, c
         ("--quilt 999x999", "the number of views must be from 2 to 256"),
         ("--display 27", "argument --display: invalid choice: '27'"),
         ("--aspect 0", "argument --aspect: the aspect must be at least 0.01"),
+        ("--frames 3-1", "argument --frames: frames 3-1 are none"),
+        ("--frames 1-3 --frame 2", "--frame and --frames each say which frames are rendered"),
+        ("--frames 1-3 --resume --overwrite", "argument --overwrite: not allowed with argument --resume"),
+        ("--frames 1-3 --compare", "--compare is of one frame: leave it out with --frames"),
+        ("--frame 3 --resume", "--resume is of several frames: name them by --frames"),
+        ("--overwrite", "--overwrite is of several frames: name them by --frames"),
+        ("--movie", "--movie is of several frames: name them by --frames"),
+        ("--view-files", "--view-files is of several frames: name them by --frames"),
     ],
 )
 def test_bad_options_of_views_are_said_in_one_line(place, capsys, options, part):
@@ -466,11 +475,14 @@ def test_of_a_killed_blender_nothing_stays_in_the_journal(place, capsys):
     [
         ("render", "out", "; nothing was written, and existing files are kept"),
         ("animate", "out", "; frames that are finished are kept"),
+        ("views", "out", "; frames that are finished are kept"),
         ("inspect", None, ""),
     ],
 )
 def test_of_a_killed_blender_its_files_are_told_and_not_its_log(place, command, output, words):
-    job = supervisor.Job(place / "room.blend", output and place / output, StereoSettings(), command, files=())
+    frames = AnimationSettings() if command in ("animate", "views") else None
+    settings, output = StereoSettings(), output and place / output
+    job = supervisor.Job(place / "room.blend", output, settings, command, files=(), animation=frames)
     with pytest.raises(StereoReprojectError) as raised:
         supervisor.run_worker(job, lambda _: None, command=stub(place, "killed"))
     told = (
@@ -1136,6 +1148,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         "movie": str(place / "shot.mkv"),
         "holes": True,
         "compare_every": 24,
+        "views": False,
         "skip": {},
         "finished": [],
         "goes_on": False,
@@ -1248,6 +1261,38 @@ def test_a_blender_that_ends_on_a_frame_is_followed_by_another(place, capsys, cr
     assert error.startswith(
         f"stereo_reproject: error: 1 of 4 frames failed ({crash_at}); frame {crash_at}: Blender stop"
     )
+
+
+def test_frames_of_many_views_as_the_worker_gets_them(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    options = "--display portrait --frames 1-5:2 --resume --movie film.mp4 --view-files --samples 4"
+    assert many_views(place, *options.split(), behaviour="animation") == 0
+    (job,) = jobs_told(place)
+    assert (job["command"], job["files"]) == ("views", [])
+    assert ViewsSettings(**job["views"]) == ViewsSettings(48, 40.0, None, None, 8, 6, 0.75, "portrait")
+    asked = {name: job["animation"][name] for name in ("frames", "existing", "output", "movie", "views", "layout")}
+    movie = str(place / "film.mp4")
+    assert asked == {
+        "frames": [1, 3, 5],
+        "existing": "resume",
+        "output": str(place / "out"),
+        "movie": movie,
+        "views": True,
+        "layout": None,
+    }
+    assert (job["settings"]["scene"]["size"], job["settings"]["scene"]["samples"]) == ([420, 560], 4)
+    printed = capsys.readouterr().out
+    assert "frames        3\n" in printed
+    assert f"movie         {movie}\n" in printed
+
+
+def test_a_blender_that_ends_on_a_frame_of_many_views_is_followed_by_another(place, capsys):
+    (notes(place) / "crash at").write_text("2")
+    assert many_views(place, "--frames", "1-3", behaviour="animation of views that crashes") == 1
+    _, second = jobs_told(place)
+    assert (second["animation"]["existing"], list(second["animation"]["skip"])) == ("resume", ["2"])
+    warning, _ = capsys.readouterr().err.splitlines()
+    assert warning.startswith("stereo_reproject: warning: frame 2 is left out: Blender stopped unexpectedly")
 
 
 def test_a_warning_is_said_once_however_often_blender_is_started(place, capsys):

@@ -75,6 +75,7 @@ CASES = {
     "gaps": report(every(4, [*range(1, 9), 11, *range(14, 25)]), range(1, 31), {"12": "no camera"}),
     "thousands": report(every(25, range(1, 2001))),
     "predicted thousands": report([row(frame) for frame in range(1, 2001)]),
+    "views": report([row(frame, views=48, rendered_views=3) for frame in range(1, 4)]),
     "huge": report([row(1, wall_seconds=4321.0, multiview_seconds=7654.0)]),
 }
 
@@ -199,6 +200,13 @@ def test_what_is_missing_is_named():
     notes = " ".join(texts_in(draw_animation(CASES["gaps"])))
     assert "Not rendered: frames 9-10, 13, 25-30 Failed: frame 12" in notes
     assert "Not rendered" not in " ".join(texts_in(draw_animation(CASES["usual"])))
+
+
+def test_of_many_views_it_says_what_the_share_is_of():
+    words = " ".join(texts_in(draw_animation(CASES["views"])))
+    assert "of all 48 views rendered or traced on average" in words
+    assert "the share of the pixels of all 48 views that was rendered or traced" in words
+    assert "target eye" not in words
 
 
 def test_frames_in_steps_have_no_gaps():

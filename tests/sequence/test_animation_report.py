@@ -73,6 +73,23 @@ def test_the_table_tells_how_the_speed_up_is_known_and_the_worst_noise():
     assert "noise" not in format_animation({"totals": totals([row()]), "frames": [row()]})
 
 
+def test_the_table_of_many_views_tells_how_many_were_rendered_and_the_worst_of_all():
+    rows = [
+        row(1, views=48, rendered_views=3, honest_ratio=1.031),
+        row(2, views=48, rendered_views=5, honest_ratio=1.052),
+        row(3, views=48, rendered_views=4, honest_ratio=None),
+    ]
+    lines = format_animation({"totals": totals(rows), "frames": rows}).splitlines()
+    assert "10.0 % of all pixels of 48 views" in lines[2]
+    assert "2.50 x over 48 plain renders, predicted" in lines[3]
+    assert lines[4] == "rendered      3 to 5 of 48 views of a frame"
+    assert lines[5] == "estimate      honest ratio 1.052 in the worst view of all, in frame 2"
+    assert len(lines) == 6
+    rows = [row(1, views=4, rendered_views=4, honest_ratio=None)]
+    lines = format_animation({"totals": totals(rows), "frames": rows}).splitlines()
+    assert lines[4:] == ["rendered      4 of 4 views of a frame"]
+
+
 def test_it_says_that_the_multiview_of_compared_frames_was_synced_anew():
     multiview = {"multiview_seconds": 6.0, "noise_ratio": 1.0}
     for compared, synced, said in (

@@ -1,7 +1,8 @@
-"""The frames of a scene, one after the other, into the files that the scene's own output settings ask for.
+"""The frames of a scene, one after the other, into files that a later run can rely on.
 
-Which frames, and that each is rendered once, is `sequence.frames`'s, asked by `animation_plan`; `frame_maker` renders
-them and has them written; `animation_movie` makes them a movie.
+What is rendered of each, a pair or many views, is one of `frame_kinds`. Which frames, and that each is rendered once,
+is `sequence.frames`'s, asked by `animation_plan`; `frame_maker` renders them and has them written; `animation_movie`
+makes them a movie.
 """
 
 from __future__ import annotations
@@ -33,19 +34,18 @@ from ...sequence.writer_process import WriterJob
 from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import StereoSettings
 from ...words import Words
-from ..output.animation_output import Output, output_of
-from ..output.delivery import pixels_of
+from ..output.animation_output import Output
 from ..scene.warnings import scene_warnings
 from .animation_movie import check_movies, make_movie, movies_of, remove_waiting_frames, try_encoder
 from .animation_plan import (
     announce_plan,
     announce_planning,
-    frames_of_panoramas,
     planned_frames,
     scene_prints,
     settings_digest,
 )
-from .frame_maker import BlenderFrameMaker, FrameContext
+from .frame_kinds import FrameKind, Pairs
+from .frame_maker import FrameContext
 
 ANIMATION_FILES = ("left.exr", "right.exr")
 """Files of the last frame's eyes, which an animation leaves besides its own where that is asked for."""
@@ -70,6 +70,7 @@ class _Run:
     the animation's report.
     """
 
+    kind: FrameKind
     scene: bpy.types.Scene
     output: Output
     context: FrameContext
@@ -93,32 +94,47 @@ def render_animation_files(
     left in the folder `out` of saved.work. saved is the scene's file, for the writer to open. Return the animation's
     report. Raises BadInputError and StereoReprojectError; frames that are finished by then stay.
     """
-    with pixels_of(scene, settings.scene.panorama):
-        return _rendered(scene, settings, options, saved, files, listener or Listener())
+    return render_frames_of(Pairs(settings), scene, options, saved, files=files, listener=listener or Listener())
+
+
+def render_frames_of(
+    kind: FrameKind,
+    scene: bpy.types.Scene,
+    options: AnimationSettings,
+    saved: SavedScene,
+    *,
+    files: Sequence[str] = (),
+    listener: Listener,
+) -> dict[str, Any]:
+    """Do the work of `render_animation_files` for frames of any kind; files are those of the last frame that a kind can
+    leave besides."""
+    with kind.shaped(scene):
+        return _rendered(kind, scene, options, saved, files, listener)
 
 
 def _rendered(
+    kind: FrameKind,
     scene: bpy.types.Scene,
-    settings: StereoSettings,
     options: AnimationSettings,
     saved: SavedScene,
     files: Sequence[str],
     listener: Listener,
 ) -> dict[str, Any]:
-    """Do the work of `render_animation_files`, in a scene whose pixels have their shape."""
+    """Do the work of `render_frames_of`, in a scene whose pixels have their shape."""
+    settings = kind.settings
     # `warnings_ahead` has said these, before the first frame.
     warnings = WarnOnce(listener.warn, given=scene_warnings(scene, settings.scene))
     listener = replace(listener, warn=warnings)
     for_movie_alone = scene.render.is_movie_format and options.output is None
     announce_planning(scene, options, listener)
-    options, output = output_of(scene, options, settings.scene)
+    options, output = kind.output(scene, options)
     journal = Journal(output.folder, output.name)
     check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
     wanted = Fingerprints(settings_digest(settings, output), scene_prints(scene, settings.scene))
     beside, errors = _folder_for(output.folder, saved.work), _errors_of_output(output.folder)
     with beside as private, errors, _run_in(journal, output, wanted, listener) as token:
         context = FrameContext(settings, options, journal, wanted, token, output.half_floats)
-        run = _Run(scene, output, context, listener, warnings, for_movie_alone)
+        run = _Run(kind, scene, output, context, listener, warnings, for_movie_alone)
         report = _made(run, saved, private, keeps_last=bool(files))
     if for_movie_alone:
         with contextlib.suppress(OSError):
@@ -134,7 +150,7 @@ def _made(run: _Run, saved: SavedScene, private: Path, *, keeps_last: bool) -> d
         try_encoder(run.scene, run.context.settings, Path(options.movie), output, private / "tried")
     failed, last = dict(options.skip), None
     if plan.todo:
-        order = _order(saved, run.context.settings, output, options, private)
+        order = _order(saved, run, private)
         last = _render_planned(run, plan, failed, order, saved.work, keeps_last=keeps_last)
     report, movies = _finish(run, plan, failed)
     written = [*([] if run.for_movie_alone else output.all_files), *movies]
@@ -153,7 +169,7 @@ def _announced_plan(run: _Run) -> FramePlan:
         context.wanted,
         context.options,
         run.listener,
-        panoramas=frames_of_panoramas(run.scene, run.output.files, context.settings.scene.panorama),
+        files=run.kind.files(run.scene, run.output, context.journal, context.options),
         movies_are_there=there,
     )
     for doubt in context.journal.records.new_doubts():
@@ -171,8 +187,7 @@ def _render_planned(
     """
     context = run.context
     progress = AnimationProgress(plan, len(run.output.files), run.listener, failed)
-    told, onlooker = run.listener.on_stage, run.listener.onlooker
-    maker = BlenderFrameMaker(run.scene, order, context, work, told, keeps_last=keeps_last, onlooker=onlooker)
+    maker = run.kind.maker(run.scene, order, context, work, run.listener, keeps_last=keeps_last)
     with closing(maker):
         try:
             render_frames(plan, context.journal, context.wanted, context.token, maker, progress.frame_listener)
@@ -288,12 +303,11 @@ def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
             yield beside / "tmp"
 
 
-def _order(
-    saved: SavedScene, settings: StereoSettings, output: Output, options: AnimationSettings, private: Path
-) -> WriterJob:
+def _order(saved: SavedScene, run: _Run, private: Path) -> WriterJob:
     """Return the order for the writer process: the file that it opens, and where and how it writes frames. private is a
     folder for what is handed over.
     """
+    output, options = run.output, run.context.options
     return WriterJob(
         blend=str(saved.blend),
         # The writer renders nothing.
@@ -304,5 +318,5 @@ def _order(
         output=options.output,
         layout=options.layout,
         file_format=options.file_format,
-        panorama=settings.scene.panorama,
+        **run.kind.order(output),
     )

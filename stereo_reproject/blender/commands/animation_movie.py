@@ -8,7 +8,6 @@ from pathlib import Path
 
 import bpy
 
-from ...delivery.layouts import LAYOUTS
 from ...errors import BadInputError
 from ...files import flush, flush_folder, put_in_place
 from ...jobs.work_folder import work_folder
@@ -21,13 +20,12 @@ from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import StereoSettings
 from ...words import Words
 from ..output.animation_output import Output
-from ..output.movie import movie_files, movie_warnings, try_movie, write_movie
-from ..scene.rig import frame_region
+from ..output.movie import try_movie
 
 
 def movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Output) -> list[Path]:
     """Return the paths of the movies to be made of all frames: none, one, or one for each eye."""
-    return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
+    return [] if options.movie is None else output.movies(scene, Path(options.movie))
 
 
 def check_movies(
@@ -65,12 +63,10 @@ def try_encoder(scene: bpy.types.Scene, settings: StereoSettings, path: Path, ou
     """Make a movie of one black frame, to find out before rendering whether the encoder and the movie's folder can be
     used. The parameter `folder` is a private one for the trial. Raises BadInputError.
     """
-    region = frame_region(scene.render)
-    width, height = settings.scene.size or (region.width, region.height)
-    layout = LAYOUTS[output.movie_layout or "individual"]
+    width, height = output.movie_size(scene, settings.scene.size)
     with work_folder(path.parent, ()):
         pass
-    try_movie(scene, path, layout.across * width, layout.down * height, folder)
+    try_movie(scene, path, width, height, folder)
 
 
 def make_movie(
@@ -81,13 +77,10 @@ def make_movie(
         return []
     path = Path(options.movie)
     listener.on_stage(Stage.MOVIE, "")
-    for warning in movie_warnings(path, output.movie_layout, output.panorama):
+    for warning in output.movie_warnings(path):
         listener.warn(warning)
     with work_folder(path.parent, ()) as beside:
-        form, panorama = output.file_format, output.panorama
-        made = write_movie(
-            scene, output.files, path, output.movie_layout, beside / "out", file_format=form, panorama=panorama
-        )
+        made = output.write_movie(scene, path, beside / "out")
         return [_put_noted(movie, path.with_name(movie.name), journal, output) for movie in made]
 
 

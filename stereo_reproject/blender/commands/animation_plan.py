@@ -5,10 +5,11 @@ The user is told of it before anything is rendered.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from itertools import count
+from pathlib import Path
 
 import bpy
 
@@ -22,10 +23,8 @@ from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import SceneOverrides, StereoSettings
 from ...words import Words
 from ..output.animation_output import Output
-from ..output.frame_writer import CUTOUTS, picture_name
 from ..scene.fingerprint import scene_fingerprints
-from ..scene.panoramas import is_panorama
-from ..scene.rendered import camera_at, scene_frames
+from ..scene.rendered import scene_frames
 from ..scene.working import changed
 
 ANNOUNCED_FRAMES = 20_000
@@ -68,14 +67,6 @@ def scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str,
     return {"Blender": ".".join(map(str, bpy.app.version[:2])), **prints}
 
 
-def frames_of_panoramas(scene: bpy.types.Scene, frames: Iterable[int], asked: str | None) -> frozenset[int]:
-    """Return those of the frames that are panoramas, by the cameras as they are now, and may have cut-outs. asked is
-    the panorama that cameras are made for the render, as `SceneOverrides` has it."""
-    if asked is not None:
-        return frozenset(frames)
-    return frozenset(frame for frame in frames if is_panorama(camera_at(scene, frame)))
-
-
 def planned_frames(
     journal: Journal,
     output: Output,
@@ -83,21 +74,16 @@ def planned_frames(
     options: AnimationSettings,
     listener: Listener,
     *,
-    panoramas: Collection[int],
+    files: Mapping[int, Sequence[Path]],
     movies_are_there: bool,
 ) -> FramePlan:
     """Look at the files of all frames, and return which are to be rendered and which are kept.
 
-    panoramas are those of `frames_of_panoramas`. movies_are_there: True if no movie is left to be made. Raises
-    BadInputError if Overwrite is off and there is nothing to do.
+    files are all that belong to each frame. movies_are_there: True if no movie is left to be made. Raises BadInputError
+    if Overwrite is off and there is nothing to do.
     """
     untouched = {*options.skip, *options.finished}
-    files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
-    for frame, paths in files.items() if options.holes else ():
-        paths.append(output.folder / picture_name(journal, frame))
-    # A frame that is known has the cut-outs of its record: none where too little of the sphere is seen.
-    for frame in (files.keys() & panoramas) - journal.known_frames() if options.holes else ():
-        files[frame].append(output.folder / picture_name(journal, frame, CUTOUTS))
+    files = {frame: paths for frame, paths in files.items() if frame not in untouched}
     looked = count(1)
     plan = plan_frames(
         journal,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import time
+import shutil
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,53 +13,26 @@ import bpy
 import numpy as np
 
 from ...errors import StereoReprojectError, in_one_line
-from ...images.exr import VIEWS, write_eye
 from ...images.tuning import TUNING
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
-from ...jobs.work_folder import CUTOUTS
-from ...pipeline.onlooker import NOBODY, Onlooker
+from ...pipeline.onlooker import Onlooker
 from ...pipeline.shared_findings import SharedFindings
-from ...pipeline.stages import RENDERING, Stage
-from ...pipeline.stereo_frame import colour
-from ...pipeline.stereo_pair import StereoPair
-from ...report.as_json import as_json
-from ...report.frame_report import FrameReport
+from ...pipeline.stages import Stage
+from ...pipeline.view_plan import ViewCosts
 from ...sequence.fingerprints import Fingerprints, digest
 from ...sequence.frame_record import Record
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output
+from ...sequence.progress import Listener
 from ...sequence.writer_process import WriterJob, WriterProcess, WrittenFrame
 from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
 from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
-from ...views.cutouts import cutouts_of
-from ..output.cutout_sheet import write_cutouts
-from ..output.pictures import write_hole_mask
-from ..output.stamp import with_render_time
 from ..scene.rendered import camera_at
 from ..scene.working import WorkingScenes
-from .compare import compare_with_multiview
-from .frame import render_pair, value_warnings
 from .processes import module_in_blender
-
-KEYS_OF_A_FRAME = (
-    "size",
-    "samples",
-    "time_limit",
-    "samples_rendered",
-    "accuracy",
-    "seconds",
-    "fractions",
-    "fill",
-    "warp",
-    "estimate",
-    "correction",
-    "layers",
-    "memory",
-)
-"""Keys of a pair's report that the report of an animation has for each frame."""
 
 FRAMES_OF_ONE_NOISE_LEVEL = 24
 """Frames in a row, by the same camera, for which the denoiser is taken to leave the same share of the noise."""
@@ -96,6 +70,12 @@ class AgreedFindings(SharedFindings):
         """Return the agreed cost of a source; `found`, this frame's own, becomes it if there is none yet."""
         known = self._agree(self._of_layer, asdict(found))
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
+
+    def view_costs(self, found: ViewCosts) -> ViewCosts:
+        """Return the agreed costs of a view; `found`, those of this frame's first decision, become them if there are
+        none yet."""
+        known = self._agree(f"{self._of_layer}-views", asdict(found))
+        return ViewCosts(**known) if known.keys() == asdict(found).keys() else found
 
     def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts], *, packed_by: str) -> TraceCosts:
         """Return the agreed costs of tracing by this packed camera. If there are none yet, `known` become them, those
@@ -140,9 +120,9 @@ class AgreedFindings(SharedFindings):
             raise failed_output(self._journal.frames_folder, error) from error
 
 
-class BlenderFrameMaker:
+class BlenderFrameMaker(ABC):
     """Maker of an animation's frames: renders them with one working scene that stays, and hands them to the writer
-    process. It is a `frames.FrameMaker`; use `close` in the end.
+    process. It is a `frames.FrameMaker`; use `close` in the end. Subclasses say what is rendered of a frame.
     """
 
     def __init__(
@@ -151,22 +131,22 @@ class BlenderFrameMaker:
         order: WriterJob,
         context: FrameContext,
         work: Path,
-        on_stage: Callable[[str, str], None],
+        listener: Listener,
         *,
         keeps_last: bool,
-        onlooker: Onlooker = NOBODY,
     ) -> None:
         """order says how frames are written; work is a private folder for what passes between the stages of a frame.
-        on_stage gets each stage's name and its frame. keeps_last: True where the last frame's eyes are asked for in the
-        end. An onlooker is shown the eyes as they are made."""
+        The listener is told each stage with its frame, and its onlooker is shown the pictures as they are made.
+        keeps_last: True where files of the last frame are asked for in the end."""
         self._scene, self._settings, self._options = scene, context.settings, context.options
-        self._context, self._on_stage = context, on_stage
+        self._context, self._on_stage = context, listener.on_stage
         self._work, self._private = work, Path(order.private)
         self._scenes = WorkingScenes(scene)
         self._writer = WriterProcess(order, module_in_blender("programs.writer"))
         self._writer.start()
-        self._keeps_last, self._onlooker = keeps_last, onlooker
-        self._last: tuple[int, StereoPair | None] | None = None
+        self._keeps_last, self._listener = keeps_last, listener
+        self._last: int | None = None
+        """Number of the last frame that was rendered; None before the first."""
 
     def render(self, frame: int, claim: int) -> None:
         """Render a frame and hand it over to the writer; claim is the number of this run's claim of it. Raises
@@ -180,52 +160,41 @@ class BlenderFrameMaker:
             raise blamed_on_output(self._context.journal.frames_folder, in_one_line(error)) from error
 
     def _render(self, frame: int, claim: int) -> None:
-        """Render a frame, compare it with multiview where that is asked for, and hand it over with its record."""
-        start = time.perf_counter()
-        where = f"{FRAME}{frame}"
-        self._on_stage(Stage.PREPARE, where)
-        of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
-        pair, report = render_pair(
-            self._scene,
-            of_this,
-            self._work,
-            onlooker=replace(self._onlooker, on_stage=lambda stage: self._on_stage(stage, where)),
-            scenes=self._scenes,
-            findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
-            learns=self._last is None,
-        )
-        figures = self._figures(pair, report)
-        folder = self._hand_out(frame, pair)
-        figures["wall_seconds"] = wall = time.perf_counter() - start
-        figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
-        if self._is_compared(frame):
-            self._on_stage(Stage.COMPARE, where)
-            figures["compare"] = self._compared(of_this, pair)
-        self._on_stage(HANDED_OVER, where)
-        metadata = with_render_time(pair.metadata, report.seconds["total"])
+        """Render a frame, and hand it over with its record."""
+        self._on_stage(Stage.PREPARE, f"{FRAME}{frame}")
+        folder = self._private / f"frame-{frame}"
+        try:
+            figures, metadata = self._made(frame, folder)
+        except Exception:
+            # What is half made of it is of no use to anyone.
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        self._on_stage(HANDED_OVER, f"{FRAME}{frame}")
         self._writer.hand_over(WrittenFrame(frame, claim, str(folder), metadata, self._record(frame, figures)))
-        # A pair is much to hold while the next one is rendered.
-        self._last = frame, pair if self._keeps_last else None
-        del pair
+        self._last = frame
         give_back_freed()
 
-    def _figures(self, pair: StereoPair, report: FrameReport) -> dict[str, Any]:
-        """Return what the report of an animation has of this frame, by its keys, apart from the seconds beside its
-        stages and from the comparison.
-        """
-        fields = as_json(report)
-        figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
-        figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
-        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
-        return figures
+    @abstractmethod
+    def _made(self, frame: int, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
+        """Render a frame, compare it where that is asked for, and write what the writer process needs of it into
+        `folder`. Return its figures for the animation's report, and metadata for its files."""
 
-    def _compared(self, settings: StereoSettings, pair: StereoPair) -> dict[str, Any]:
-        """Return how the pair of a frame compares with multiview by the same settings, by the keys of its report."""
-        self._scenes.close()
-        compared = compare_with_multiview(self._scene, settings, pair, self._work)[0]
-        # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
-        # each frame of an animation anew, unless Persistent Data is on.
-        return {**as_json(compared), "synced_anew": True}
+    def _settings_at(self, frame: int) -> StereoSettings:
+        """Return the settings by which a frame is rendered."""
+        return replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
+
+    def _onlooker_at(self, frame: int) -> Onlooker:
+        """Return who is told the stages of a frame, with its number, and shown its pictures."""
+
+        def on_stage(stage: str, detail: str = "") -> None:
+            self._on_stage(stage, f"{FRAME}{frame}, {detail}" if detail else f"{FRAME}{frame}")
+
+        return replace(self._listener.onlooker, on_stage=on_stage)
+
+    def _findings_at(self, frame: int) -> Callable[[str], SharedFindings]:
+        """Return a function that returns, for a view layer's name, what the frames of the animation have found."""
+        block = self._block_of(frame)
+        return lambda layer: AgreedFindings(self._context, layer, block)
 
     def _record(self, frame: int, figures: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of a frame's record, with these figures, but for its files."""
@@ -236,25 +205,6 @@ class BlenderFrameMaker:
             "run": self._context.token,
             "figures": figures,
         }
-
-    def _hand_out(self, frame: int, pair: StereoPair) -> Path:
-        """Write the files that the writer needs of a frame into a folder of its own, and return that. Raises
-        OutputError.
-        """
-        folder = self._private / f"frame-{frame}"
-        try:
-            folder.mkdir(exist_ok=True)
-            for view in VIEWS:
-                layers = pair.eyes[view]
-                write_eye(folder / f"{view}.exr", layers, view=view, metadata=pair.metadata, compressed=False)
-            if self._options.holes:
-                target = colour(pair.eyes[self._settings.target][pair.main])
-                write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
-                if cutouts_of(pair.main_frame.camera):
-                    write_cutouts(folder / CUTOUTS, pair.main_frame, self._settings.target, with_legend=False)
-        except (OSError, StereoReprojectError) as error:
-            raise failed_output(self._context.journal.frames_folder, error) from error
-        return folder
 
     def _block_of(self, frame: int) -> tuple[int, str]:
         """Return the key of the block of frames, seen by one camera, that share a noise level with this one: the
@@ -278,18 +228,11 @@ class BlenderFrameMaker:
             for frame, result in self._writer.finished(wait=wait)
         ]
 
-    def leave(self, folder: Path) -> int | None:
-        """Write the eyes of the last frame rendered into `folder`, if this maker was told to keep them, and return the
-        frame's number; None if no frame was rendered.
+    def leave(self, folder: Path) -> int | None:  # noqa: ARG002 - for subclasses
+        """Write the files of the last frame rendered that are asked for into `folder`, and return the frame's number;
+        None if no frame was rendered.
         """
-        if self._last is None:
-            return None
-        frame, pair = self._last
-        folder.mkdir(exist_ok=True)
-        for view in VIEWS:
-            if pair is not None:
-                write_eye(folder / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
-        return frame
+        return self._last
 
     def close(self) -> None:
         """Remove the working scenes, and end the writer process."""

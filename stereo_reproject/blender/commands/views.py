@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from ...delivery.quilts import quilt_name
 from ...estimate.shared_noise import NoiseOrigins, shared_noise
 from ...files import write_json
-from ...images.exr import read_channels, write_eye
+from ...images.exr import write_eye
+from ...images.passes import COLOUR_PASS
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import CONTACT_SHEET, SWEEP, VIEWS_FOLDER, views_files
 from ...pipeline.many_views import render_many_views
 from ...pipeline.onlooker import NOBODY, Onlooker
+from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...pipeline.stereo_frame import colour
 from ...pipeline.stopwatch import Stopwatch
@@ -37,13 +38,14 @@ from ...settings.views import ViewsSettings
 from ...trace.costs import TraceCosts
 from ...views.cone import baseline_of, cone_degrees, offsets_of
 from ...words import Words
-from ..engines.views_renderer import ViewsRenderer
+from ..engines.views_renderer import ViewsRenderer, stereo_moves, stereo_restored
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
+from ..output.view_files import ViewFiles
 from ..scene.compositor import is_composited
 from ..scene.cone_room import cone_warnings
 from ..scene.rendered import check_layers
 from ..scene.warnings import scene_warnings
-from ..scene.working import evaluated, working_scene
+from ..scene.working import WorkingScenes, evaluated, working_scene
 from .compare_views import PlainViews, compare_views
 from .frame import memory_report, picture_header
 from .known_costs import known_costs, learn_costs
@@ -71,21 +73,6 @@ def cone_of(working: bpy.types.Scene, views: ViewsSettings) -> Cone:
     return Cone(focus, baseline_of(views, focus), views.count)
 
 
-class ViewFiles(Sequence):
-    """The colour of views, (H, W, 4) each, read from their files in a folder when it is asked for."""
-
-    def __init__(self, folder: Path, names: Sequence[str]) -> None:
-        self._paths = [folder / f"{name}.exr" for name in names]
-
-    def __len__(self) -> int:
-        return len(self._paths)
-
-    def __getitem__(self, index: int) -> NDArray[np.float32]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return the colour of one view; slices are not asked for."""
-        channels = read_channels(self._paths[index])
-        return np.stack([channels[letter] for letter in "RGBA"], axis=-1).astype(np.float32)
-
-
 def render_views_files(
     scene: bpy.types.Scene,
     settings: StereoSettings,
@@ -105,7 +92,7 @@ def render_views_files(
     """
     folder = work / "out" / VIEWS_FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    report, kept = _render(scene, settings, views, _Places(work, folder), onlooker, warn)
+    report, kept = render_views_of_frame(scene, settings, views, ViewPlaces(work, folder), onlooker, warn)
     onlooker.on_stage(Stage.WRITE)
     watch = Stopwatch()
     watch.lap(Stage.WRITE)
@@ -121,23 +108,56 @@ def render_views_files(
 
 
 @dataclass(frozen=True)
-class _Places:
-    """Folders of a run: `work`, for what passes between the stages, and that of the views' files."""
+class ViewPlaces:
+    """Folders of a run: `work`, for what passes between the stages, and that of the views' files. keeps_passes: True
+    where these are what users get; else they have the colour alone."""
 
     work: Path
     views: Path
+    keeps_passes: bool = True
 
 
-def _render(
+@dataclass(frozen=True)
+class SharedFrame:
+    """The things that a frame of an animation shares with the others: scenes are their working scenes; findings
+    returns, for a view layer's name, what they have found; learns is as for `frame.render_pair`."""
+
+    scenes: WorkingScenes
+    findings: Callable[[str], SharedFindings]
+    learns: bool
+
+
+@contextmanager
+def _working(
+    scene: bpy.types.Scene, settings: StereoSettings, layer: str, shared: SharedFrame | None
+) -> Iterator[bpy.types.Scene]:
+    """Have a working scene for the views of a view layer, for the time of a `with` block: that of an animation's frames
+    if they share one, with its camera set as before afterwards."""
+    if shared is None:
+        with working_scene(scene, settings.scene, layer=layer) as working:
+            yield working
+        return
+    working = shared.scenes.at(settings.scene, layer)
+    if stereo_moves(working):
+        yield working
+        # They were held still, and another frame needs what moves them.
+        shared.scenes.close()
+        return
+    with stereo_restored(working):
+        yield working
+
+
+def render_views_of_frame(
     scene: bpy.types.Scene,
     settings: StereoSettings,
     views: ViewsSettings,
-    places: _Places,
+    places: ViewPlaces,
     onlooker: Onlooker,
     warn: Callable[[str], None],
+    shared: SharedFrame | None = None,
 ) -> tuple[ViewsReport, PlainViews]:
     """Render the views and write each into its folder as it is finished. Return the report, and what a comparison
-    needs of them."""
+    needs of them. The parameters are those of `render_views_files`; shared is None for a frame on its own."""
     layer = check_layers(scene)[0]
     reports: dict[int, ViewReport] = {}
     origins: dict[int, NoiseOrigins] = {}
@@ -147,7 +167,7 @@ def _render(
 
     watch = Stopwatch(Onlooker(on_stage, onlooker.show))
     watch.lap(Stage.PLAN)
-    with working_scene(scene, settings.scene, layer=layer) as working:
+    with _working(scene, settings, layer, shared) as working:
         cone = cone_of(working, views)
         renderer = ViewsRenderer(
             working, places.work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
@@ -165,18 +185,32 @@ def _render(
                 origins[view.number] = view.origins
             if settings.compare:
                 kept.add(view)
+            kinds = view.passes if places.keeps_passes else (COLOUR_PASS,)
             write_eye(
-                places.views / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata
+                places.views / f"{view.name}.exr",
+                {layer: {name: view.passes[name] for name in kinds}},
+                view=view.name,
+                metadata=renderer.metadata,
+                compressed=places.keeps_passes,
             )
             watch.show(view.name, lambda: colour(view.passes))
 
         def costs() -> TraceCosts:
             return known_costs(working, renderer.packed_by)
 
+        findings = None if shared is None else shared.findings(layer)
         maker = render_many_views(
-            renderer, settings, views.names, on_view, fresh=views.fresh, watch=watch, known_costs=costs
+            renderer,
+            settings,
+            views.names,
+            on_view,
+            fresh=views.fresh,
+            watch=watch,
+            findings=findings,
+            known_costs=costs,
         )
-        learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
+        if shared is None or shared.learns:
+            learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
         kept.light_scale = maker.light_scale or 1.0
         facts["packed_by"] = renderer.packed.name
         facts.update(_noise_facts(maker, [origins[number] for number in sorted(origins)]))

@@ -139,13 +139,30 @@ def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveC
     return eye
 
 
+@contextmanager
+def stereo_restored(scene: bpy.types.Scene) -> Iterator[None]:
+    """Restore what `set_up_middle` changes of a working scene after a `with` block, so that the scene can go on to
+    another frame. Not for stereo settings that move, see `stereo_moves`: to set them would stop them."""
+    stereo, layer = scene.camera.data.stereo, rendered_layer(scene)
+    kept = {name: getattr(stereo, name) for name in STEREO_SETTINGS}
+    with changed(stereo, **kept), changed(layer, use_pass_vector=layer.use_pass_vector):
+        yield
+
+
+def stereo_moves(scene: bpy.types.Scene) -> bool:
+    """Return whether curves or drivers move how the eyes of a working scene's camera stand."""
+    data = scene.camera.data
+    moved = animated_values(data)
+    return any((data.stereo.as_pointer(), name) in moved for name in STEREO_SETTINGS)
+
+
 def _hold_stereo_still(scene: bpy.types.Scene) -> None:
     """Have the settings of a working scene's camera stand still as they are in the present frame, where curves or
     drivers move how its eyes stand: in the next render they would move what is set here back."""
+    if not stereo_moves(scene):
+        return
     data, now = scene.camera.data, evaluated(scene.camera, scene).data
     moved = animated_values(data)
-    if not any((data.stereo.as_pointer(), name) in moved for name in STEREO_SETTINGS):
-        return
     pairs = ((data, now), (data.dof, now.dof), (data.stereo, now.stereo))
     values = [
         (own, known.identifier, getattr(seen, known.identifier))

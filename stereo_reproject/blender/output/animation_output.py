@@ -24,9 +24,10 @@ from ...settings.animation import AnimationSettings
 from ...settings.frame import SceneOverrides
 from ...words import Words
 from ..scene.rendered import scene_frames
+from ..scene.rig import frame_region
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
-from .movie import check_movie
+from .movie import check_movie, movie_files, movie_warnings, write_movie
 from .movie_panorama import movie_panorama
 from .output_paths import check_file_outputs, output_files, output_stem
 
@@ -55,6 +56,27 @@ class Output:
     def all_files(self) -> list[Path]:
         """Files of all frames, in the frames' order."""
         return [path for of_frame in self.files.values() for path in of_frame]
+
+    def movies(self, scene: bpy.types.Scene, path: Path) -> list[Path]:
+        """Return the paths of the movies that `write_movie` makes of all frames: one, or one for each eye."""
+        return movie_files(scene, path, self.movie_layout)
+
+    def movie_warnings(self, path: Path) -> list[str]:
+        """Return warnings where players cannot know by the movie's name or mark how its frames are to be shown."""
+        return movie_warnings(path, self.movie_layout, self.panorama)
+
+    def movie_size(self, scene: bpy.types.Scene, size: tuple[int, int] | None) -> tuple[int, int]:
+        """Return the width and height of the movie in pixels; size is that of an eye, None for the scene's own."""
+        region = frame_region(scene.render)
+        width, height = size or (region.width, region.height)
+        layout = LAYOUTS[self.movie_layout or "individual"]
+        return layout.across * width, layout.down * height
+
+    def write_movie(self, scene: bpy.types.Scene, path: Path, folder: Path) -> list[Path]:
+        """Write the movie of all frames into `folder`, under the name that `path` has, and return what was made. Raises
+        BadInputError and StereoReprojectError."""
+        form, panorama = self.file_format, self.panorama
+        return write_movie(scene, self.files, path, self.movie_layout, folder, file_format=form, panorama=panorama)
 
 
 def output_of(
@@ -86,11 +108,18 @@ def output_of(
         output = Output(folder, stem, files, layout, file_format, shown, values, half, panorama)
     if options.movie is not None:
         options = replace(options, movie=str(_movie_path(scene, options.movie, output)))
+    check_output(output, options)
+    return options, output
+
+
+def check_output(output: Output, options: AnimationSettings) -> None:
+    """Raise BadInputError if files of the frames, or of the movie, cannot be written: the drive does not take their
+    names, or something else is in their place.
+    """
     check_names(output.folder, _longest_names(output, options))
     there = Listing()
     for path in dict.fromkeys(filter(there.may_hold, output.all_files)):
         _check_can_be_written(path)
-    return options, output
 
 
 def _longest_names(output: Output, options: AnimationSettings) -> Iterator[str]:
@@ -138,15 +167,21 @@ def _with_movie(
 
 
 def _movie_path(scene: bpy.types.Scene, asked: str, output: Output) -> Path:
-    """Return the path of the movie: `asked` itself, or, where that is empty or a folder, a name in it that tells the
-    layout. Raises BadInputError where no movie can be written there.
+    """Return the path of the movie, as `movie_path` does, with a name that tells the layout where none is asked for."""
+    stem = output.name.rstrip("#_-. ") or Path(bpy.data.filepath).stem or scene.name
+    name = Path(f"{stem}.mp4")
+    if output.movie_layout is not None:
+        name = tagged_name(name, LAYOUTS[output.movie_layout], output.panorama)
+    return movie_path(asked, output.folder, name.name)
+
+
+def movie_path(asked: str, folder: Path, name: str) -> Path:
+    """Return the path of a movie: `asked` itself; or the file of this name in it where it is a folder, and in `folder`
+    where it is empty. Raises BadInputError where no movie can be written there.
     """
-    path = Path(asked) if asked else output.folder
+    path = Path(asked) if asked else folder
     if not asked or asked.endswith(("/", os.sep)) or path.is_dir():
-        stem = output.name.rstrip("#_-. ") or Path(bpy.data.filepath).stem or scene.name
-        path = path / f"{stem}.mp4"
-        if output.movie_layout is not None:
-            path = tagged_name(path, LAYOUTS[output.movie_layout], output.panorama)
+        path = path / name
     check_movie(path)
     return path
 

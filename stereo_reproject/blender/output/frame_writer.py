@@ -18,9 +18,11 @@ from ...files import made_in
 from ...images.exr import VIEWS, read_eye
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import Session
+from ...jobs.work_folder import FILES, VIEWS_FOLDER
 from ...sequence.frames import publish_frame
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output, is_full
+from ...sequence.quilt_frames import QuiltFrames
 from ...sequence.writer_process import WriterJob, WrittenFrame
 from ...words import Words
 from ..scene.compositor import compositor_tree
@@ -28,6 +30,8 @@ from .delivery import deliver_frames, pixels_of
 from .layouts import as_ordered, deliver_anaglyph, is_our_own
 from .opening import open_session
 from .pictures import check_png
+from .quilt_files import write_quilt
+from .view_files import ViewFiles
 
 HOLES = "holes"
 """The folder, in the frames' own, for pictures of what was traced, and what such a picture is called before."""
@@ -53,14 +57,12 @@ class FrameWriter:
     """
 
     def __init__(self, job: Mapping[str, Any]) -> None:
-        self._job = WriterJob(**{**job, "session": Session(**job["session"])})
+        quilt = None if job["quilt"] is None else QuiltFrames.of_fields(job["quilt"])
+        self._job = WriterJob(**{**job, "session": Session(**job["session"]), "quilt": quilt})
         scene = open_session(Path(self._job.blend), self._job.session)
         strip(scene)
-        self._scene = scene
-        self._changes = ExitStack()
-        self._changes.enter_context(pixels_of(scene, self._job.panorama))
-        self._changes.enter_context(as_ordered(scene, self._job.output, self._job.layout, self._job.file_format))
         self._journal = Journal(Path(self._job.folder), self._job.name)
+        self._pictures = PairPictures(scene, self._job, self._journal) if quilt is None else QuiltPictures(scene, quilt)
 
     def write(self, fields: Mapping[str, Any]) -> dict[str, Any] | None:
         """Write a frame's files in their final place, and remove the folder that it was handed over in. fields are
@@ -71,7 +73,7 @@ class FrameWriter:
         start = time.perf_counter()
         folder = Path(frame.folder)
         try:
-            made = self._deliver(frame, folder)
+            made = self._delivered(frame, folder)
             figures = {**frame.record["figures"], "write_seconds": time.perf_counter() - start}
             record = publish_frame(self._journal, made, {**frame.record, "figures": figures}, frame.claim)
         finally:
@@ -79,25 +81,17 @@ class FrameWriter:
         give_back_freed()
         return None if record is None else asdict(record)
 
-    def _deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
-        """Have Blender write the frame's files into its private folder. Return their paths, by the paths that they are
-        to have in the frames' folder.
+    def _delivered(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
+        """Write the frame's files into its private folder. Return their paths, by the paths that they are to have in
+        the frames' folder.
         """
-        out, number = folder / "out", frame.frame
-        deliver = deliver_anaglyph if is_our_own(self._job.layout) else deliver_frames
         try:
-            eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
-            deliver(self._scene, lambda _: eyes, out, frames=range(number, number + 1), metadata=frame.metadata)
-            made = {path.name: path for path in made_in(out)}
+            made = self._pictures.deliver(frame, folder)
         except OSError as error:
             raise failed_output(self._journal.frames_folder, error) from error
         except StereoReprojectError as error:
             raise blamed_on_output(self._journal.frames_folder, error) from error
-        self._check_whole(made.values(), number)
-        for kind in (HOLES, CUTOUTS):
-            picture = folder / f"{kind}.png"
-            if picture.exists():
-                made[picture_name(self._journal, number, kind)] = picture
+        self._check_whole(made.values(), frame.frame)
         return made
 
     def _check_whole(self, files: Collection[Path], number: int) -> None:
@@ -118,6 +112,52 @@ class FrameWriter:
                 )
             if path.suffix == ".png":
                 check_png(path)
+
+
+class PairPictures:
+    """The files of frames that are pairs, as Blender writes them: in the format of the scene's own output settings, or
+    of the job's, which stay set."""
+
+    def __init__(self, scene: bpy.types.Scene, job: WriterJob, journal: Journal) -> None:
+        self._scene, self._job, self._journal = scene, job, journal
+        self._changes = ExitStack()
+        self._changes.enter_context(pixels_of(scene, job.panorama))
+        self._changes.enter_context(as_ordered(scene, job.output, job.layout, job.file_format))
+
+    def deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
+        """Have Blender write a frame's files into its private folder. Return their paths, by the paths that they are to
+        have in the frames' folder. Raises OSError and StereoReprojectError.
+        """
+        out, number = folder / "out", frame.frame
+        deliver = deliver_anaglyph if is_our_own(self._job.layout) else deliver_frames
+        eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
+        deliver(self._scene, lambda _: eyes, out, frames=range(number, number + 1), metadata=frame.metadata)
+        made = {path.name: path for path in made_in(out)}
+        for kind in (HOLES, CUTOUTS) if made else ():
+            picture = folder / f"{kind}.png"
+            if picture.exists():
+                made[picture_name(self._journal, number, kind)] = picture
+        return made
+
+
+class QuiltPictures:
+    """The files of frames that are many views: their quilt, as a PNG through the scene's view transform and as an EXR,
+    and what was handed over besides."""
+
+    def __init__(self, scene: bpy.types.Scene, files: QuiltFrames) -> None:
+        self._scene, self._files = scene, files
+
+    def deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
+        """Write a frame's files into its private folder; all else is as for `PairPictures.deliver`."""
+        number, quilt, views = frame.frame, self._files.quilt, folder / VIEWS_FOLDER
+        pictures = ViewFiles(views, self._files.views)
+        made = {}
+        for extension in ("png", "exr"):
+            path = folder / f"quilt.{extension}"
+            write_quilt(self._scene, pictures, quilt.columns, quilt.rows, path, frame=number)
+            made[self._files.picture(number, extension)] = path
+        kept = {name: views / f"{view}.exr" for view, name in self._files.view_files(number).items()}
+        return {**made, **kept, self._files.report(number): folder / FILES[-1]}
 
 
 def strip(scene: bpy.types.Scene) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from pathlib import Path
@@ -182,12 +182,30 @@ def _encode(
     """Write one movie of the pictures in these files, and return its path and its height in pixels. Pictures of a
     linear format go through the scene's view transform; others have gone through it already.
     """
-    frames = _span(list(pictures))
-    by_frame = dict(zip(frames, pictures.values(), strict=True))
     linear = file_format in LINEAR
     layer = main_layer(copy)
+    return encode(
+        copy, pictures, lambda frame: _beside_each_other(pictures[frame], layer, linear=linear), folder, linear=linear
+    )
+
+
+def encode(
+    copy: bpy.types.Scene,
+    numbers: Iterable[int],
+    picture_of: Callable[[int], NDArray[np.float32]],
+    folder: Path,
+    *,
+    linear: bool,
+) -> tuple[Path, int]:
+    """Write one movie of the frames of these numbers into a folder, by a scene of `movie_scene`, and return its path
+    and its height in pixels. picture_of returns the picture (H, W, 4) of a frame. With linear it is scene-linear and
+    goes through the scene's view transform; without, it has the values that the movie is to show.
+    """
+    numbers = list(numbers)
+    frames = _span(numbers)
+    number_of = dict(zip(frames, numbers, strict=True))
     # Blender asks several times in a row.
-    picture_at = lru_cache(maxsize=2)(lambda frame: _beside_each_other(by_frame[frame], layer, linear=linear))
+    picture_at = lru_cache(maxsize=2)(lambda frame: picture_of(number_of[frame]))
     out = folder / f"encoded-{len(list(folder.iterdir()))}"
     with nullcontext() if linear else display_values(copy):
         deliver_movie(copy, picture_at, out, frames=frames)
@@ -196,10 +214,10 @@ def _encode(
 
 def _beside_each_other(files: Sequence[Path], layer: str, *, linear: bool) -> NDArray[np.float32]:
     """Return the pictures (H, W, 4) of these files as one, from left to right; or the two views of a single EXR that
-    holds both. linear is as for `_read`.
+    holds both. linear is as for `read_opaque`.
     """
     views = read_colours(files[0], main=layer) if linear and files[0].suffix == ".exr" and len(files) == 1 else {}
-    pictures = list(views.values()) or [_read(path, linear=linear) for path in files]
+    pictures = list(views.values()) or [read_opaque(path, linear=linear) for path in files]
     return np.concatenate(pictures, axis=1)
 
 
@@ -222,7 +240,7 @@ def only_file(folder: Path) -> Path:
     return made[0]
 
 
-def _read(path: Path, *, linear: bool) -> NDArray[np.float32]:
+def read_opaque(path: Path, *, linear: bool) -> NDArray[np.float32]:
     """Return the pixels (H, W, 4) of a picture file, row 0 at the top and alpha 1. With linear they are scene-linear;
     without, the values that the file holds, over black where it is transparent. Raises StereoReprojectError if it
     cannot be read.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from stereo_reproject.blender.commands.frame_maker import AgreedFindings, FrameContext
+from stereo_reproject.pipeline.view_plan import ViewCosts
 from stereo_reproject.sequence.journal import Fingerprints, Journal
 from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import StereoSettings
@@ -42,6 +43,12 @@ def test_what_one_run_has_measured_the_others_keep_to(findings, faster):
     assert findings("first").gpu_is_faster(lambda: faster) is faster
     assert findings("second").gpu_is_faster(never) is faster
     assert findings("third", block=7).gpu_is_faster(never) is faster
+
+
+def test_by_what_one_run_has_decided_which_views_are_rendered_the_others_do(findings):
+    assert findings("first").view_costs(ViewCosts(1.25, 0.05)) == ViewCosts(1.25, 0.05)
+    assert findings("second", block=7).view_costs(ViewCosts(2.0, 0.5)) == ViewCosts(1.25, 0.05)
+    assert findings("third", layer="Another").view_costs(ViewCosts(2.0, 0.5)) == ViewCosts(2.0, 0.5)
 
 
 def test_of_two_that_measure_at_once_one_is_heard(findings):

@@ -1,0 +1,118 @@
+"""Renders the frames of an animation that are stereo pairs."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from ...errors import StereoReprojectError
+from ...images.exr import VIEWS, write_eye
+from ...jobs.supervisor import FRAME
+from ...jobs.work_folder import CUTOUTS
+from ...pipeline.stages import RENDERING, Stage
+from ...pipeline.stereo_frame import colour
+from ...pipeline.stereo_pair import StereoPair
+from ...report.as_json import as_json
+from ...report.frame_report import FrameReport
+from ...sequence.output_errors import failed_output
+from ...settings.frame import StereoSettings
+from ...views.cutouts import cutouts_of
+from ..output.cutout_sheet import write_cutouts
+from ..output.pictures import write_hole_mask
+from ..output.stamp import with_render_time
+from .compare import compare_with_multiview
+from .frame import render_pair, value_warnings
+from .frame_maker import BlenderFrameMaker
+
+KEYS_OF_A_FRAME = (
+    "size",
+    "samples",
+    "time_limit",
+    "samples_rendered",
+    "accuracy",
+    "seconds",
+    "fractions",
+    "fill",
+    "warp",
+    "estimate",
+    "correction",
+    "layers",
+    "memory",
+)
+"""Keys of a pair's report that the report of an animation has for each frame."""
+
+
+class PairMaker(BlenderFrameMaker):
+    """Maker of frames that are stereo pairs."""
+
+    _last_pair: StereoPair | None = None
+    """Pair of the last frame, where it is kept."""
+
+    def _made(self, frame: int, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
+        """Render the pair of a frame, as `BlenderFrameMaker` says."""
+        start = time.perf_counter()
+        settings = self._settings_at(frame)
+        pair, report = render_pair(
+            self._scene,
+            settings,
+            self._work,
+            onlooker=self._onlooker_at(frame),
+            scenes=self._scenes,
+            findings=self._findings_at(frame),
+            learns=self._last is None,
+        )
+        figures = self._figures(pair, report)
+        self._hand_out(folder, pair)
+        figures["wall_seconds"] = wall = time.perf_counter() - start
+        figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
+        if self._is_compared(frame):
+            self._on_stage(Stage.COMPARE, f"{FRAME}{frame}")
+            figures["compare"] = self._compared(settings, pair)
+        # A pair is much to hold while the next one is rendered.
+        self._last_pair = pair if self._keeps_last else None
+        return figures, with_render_time(pair.metadata, report.seconds["total"])
+
+    def _figures(self, pair: StereoPair, report: FrameReport) -> dict[str, Any]:
+        """Return what the report of an animation has of this frame, by its keys, apart from the seconds beside its
+        stages and from the comparison.
+        """
+        fields = as_json(report)
+        figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
+        figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
+        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
+        return figures
+
+    def _compared(self, settings: StereoSettings, pair: StereoPair) -> dict[str, Any]:
+        """Return how the pair of a frame compares with multiview by the same settings, by the keys of its report."""
+        self._scenes.close()
+        compared = compare_with_multiview(self._scene, settings, pair, self._work)[0]
+        # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
+        # each frame of an animation anew, unless Persistent Data is on.
+        return {**as_json(compared), "synced_anew": True}
+
+    def _hand_out(self, folder: Path, pair: StereoPair) -> None:
+        """Write the files that the writer needs of a pair into a folder. Raises OutputError."""
+        try:
+            folder.mkdir(exist_ok=True)
+            for view in VIEWS:
+                layers = pair.eyes[view]
+                write_eye(folder / f"{view}.exr", layers, view=view, metadata=pair.metadata, compressed=False)
+            if self._options.holes:
+                target = colour(pair.eyes[self._settings.target][pair.main])
+                write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
+                if cutouts_of(pair.main_frame.camera):
+                    write_cutouts(folder / CUTOUTS, pair.main_frame, self._settings.target, with_legend=False)
+        except (OSError, StereoReprojectError) as error:
+            raise failed_output(self._context.journal.frames_folder, error) from error
+
+    def leave(self, folder: Path) -> int | None:
+        """Write the eyes of the last frame rendered into `folder`, if this maker was told to keep them, and return the
+        frame's number; None if no frame was rendered.
+        """
+        if self._last_pair is not None:
+            folder.mkdir(exist_ok=True)
+            for view in VIEWS:
+                eye, metadata = self._last_pair.eyes[view], self._last_pair.metadata
+                write_eye(folder / f"{view}.exr", eye, view=view, metadata=metadata)
+        return self._last

@@ -1,0 +1,108 @@
+"""The output of an animation whose frames are quilts: names, folder, and the movie that is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...delivery.layouts import LAYOUTS
+from ...delivery.marks import write_marks_of
+from ...delivery.quilts import Quilt, with_smaller_views
+from ...errors import BadInputError, StereoReprojectError
+from ...sequence.quilt_frames import FRAMES_NAME, QuiltFrames
+from ...settings.animation import AnimationSettings
+from ...settings.views import ViewsSettings
+from ...words import Words
+from ..scene.rendered import scene_frames
+from ..scene.rig import frame_region
+from ..scene.working import changed
+from .animation_output import Output, check_output, movie_path
+from .movie import encode, movie_scene, read_opaque
+
+SQUARE_PIXELS = {"pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
+"""A quilt's own: what shape its views have is said by its name alone."""
+
+
+@dataclass(frozen=True)
+class QuiltOutput(Output):
+    """The output of an animation of quilts; `files` are the PNGs of the quilts, one for each frame."""
+
+    frames: QuiltFrames
+
+    def movie_warnings(self, path: Path) -> list[str]:
+        """Return a warning where the movie's name does not end as players read it; else an empty list."""
+        tag = self.frames.quilt.tag
+        if path.stem.endswith(tag):
+            return []
+        return [f"players know a quilt by its name alone: {path.stem}_{tag}{path.suffix} tells it"]
+
+    def movie_size(self, scene: bpy.types.Scene, size: tuple[int, int] | None) -> tuple[int, int]:  # noqa: ARG002
+        """Return the width and height of the movie in pixels, by the quilt alone."""
+        return self.frames.quilt.movie_size
+
+    def write_movie(self, scene: bpy.types.Scene, path: Path, folder: Path) -> list[Path]:
+        """Write the movie of all quilts into `folder`, under the name that `path` has, and return its path. Raises
+        BadInputError and StereoReprojectError."""
+        folder.mkdir(exist_ok=True)
+        with movie_scene(scene, path.suffix.lower()) as copy, changed(copy.render, **SQUARE_PIXELS):
+            made, _ = encode(copy, self.files, self._shown, folder, linear=False)
+            finished = made.replace(folder / path.name)
+        # Blender 5.2 marks some movies as stereo ones.
+        write_marks_of(finished, LAYOUTS["individual"])
+        return [finished]
+
+    def _shown(self, frame: int) -> NDArray[np.float32]:
+        """Return the picture (H, W, 4) of a frame as the movie shows it. Raises StereoReprojectError where its file
+        cannot be read, or has another size."""
+        (path,), quilt = self.files[frame], self.frames.quilt
+        picture = read_opaque(path, linear=False)
+        (width, height), (rows, columns) = quilt.view_size, picture.shape[:2]
+        if (columns, rows) != (width * quilt.columns, height * quilt.rows):
+            raise StereoReprojectError(Words("{path} has another size than the quilt: render it anew", path=path))
+        return with_smaller_views(picture, quilt)
+
+
+def quilt_output_of(
+    scene: bpy.types.Scene, options: AnimationSettings, views: ViewsSettings, size: tuple[int, int] | None
+) -> tuple[AnimationSettings, QuiltOutput]:
+    """Return the options completed by what the scene says, and the output of frames of many views. size is that of a
+    view, (width, height), None for the scene's own; the scene's pixels must have their shape. Raises BadInputError when
+    files cannot be written, or the views have no quilt.
+    """
+    assert options.output is not None
+    options = replace(options, frames=tuple(scene_frames(scene)) if options.frames is None else options.frames)
+    folder, files = Path(options.output), QuiltFrames(_quilt(scene, views, size), views.names, options.views)
+    output = QuiltOutput(
+        folder=folder,
+        name=FRAMES_NAME,
+        files={frame: [folder / files.picture(frame)] for frame in options.frames or ()},
+        layout=None,
+        file_format="PNG",
+        movie_layout=None,
+        values={"views": asdict(replace(views, display=None)), "quilt": asdict(files.quilt)},
+        half_floats=True,
+        panorama=None,
+        frames=files,
+    )
+    if options.movie is not None:
+        stem = Path(bpy.data.filepath).stem or scene.name
+        options = replace(options, movie=str(movie_path(options.movie, folder, f"{stem}_{files.quilt.tag}.mp4")))
+    check_output(output, options)
+    return options, output
+
+
+def _quilt(scene: bpy.types.Scene, views: ViewsSettings, size: Sequence[int] | None) -> Quilt:
+    """Return the grid of the quilt. Raises BadInputError where the views have none."""
+    if views.columns is None or views.rows is None:
+        raise BadInputError("frames of many views are quilts: name the quilt's columns and rows")
+    render = scene.render
+    own = {} if size is None else {"resolution_x": size[0], "resolution_y": size[1], "resolution_percentage": 100}
+    with changed(render, **own):
+        region = frame_region(render)
+    shape = region.width * render.pixel_aspect_x / (region.height * render.pixel_aspect_y)
+    return Quilt(views.columns, views.rows, views.aspect or shape, (region.width, region.height))

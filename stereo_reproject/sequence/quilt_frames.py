@@ -1,0 +1,53 @@
+"""The files of an animation whose frames are many views: their names, and what a writer needs to know of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..delivery.quilts import Quilt
+from ..jobs.work_folder import VIEWS_FOLDER
+
+FRAMES_NAME = "quilt_"
+"""Common beginning of the names of quilts; the number of the frame follows."""
+
+REPORTS_FOLDER = "reports"
+"""Name of the folder, in that of the frames, for each frame's own report."""
+
+
+@dataclass(frozen=True)
+class QuiltFrames:
+    """The files of the frames of many views: their quilt, the names of the views, and whether each view of a frame is a
+    file too. All names are paths in the folder of the frames."""
+
+    quilt: Quilt
+    views: tuple[str, ...]
+    keeps_views: bool
+
+    @classmethod
+    def of_fields(cls, fields: Mapping[str, Any]) -> QuiltFrames:
+        """Return what has these fields, which may come out of JSON, where tuples are lists."""
+        size = fields["quilt"]["view_size"]
+        quilt = Quilt(**{**fields["quilt"], "view_size": (int(size[0]), int(size[1]))})
+        return cls(quilt, tuple(fields["views"]), bool(fields["keeps_views"]))
+
+    def picture(self, frame: int, extension: str = "png") -> str:
+        """Return the name of a frame's quilt, such as "quilt_0007_qs8x6a0.75.png"."""
+        return f"{FRAMES_NAME}{frame:04d}_{self.quilt.tag}.{extension}"
+
+    def report(self, frame: int) -> str:
+        """Return the name of a frame's report, such as "reports/0007.json"."""
+        return f"{REPORTS_FOLDER}/{frame:04d}.json"
+
+    def view_files(self, frame: int) -> dict[str, str]:
+        """Return the names of the files of a frame's views, by the views' names, such as "views/view_00_0007.exr": the
+        frames of one view are a sequence of pictures. Empty where views are not kept."""
+        if not self.keeps_views:
+            return {}
+        return {view: f"{VIEWS_FOLDER}/{view}_{frame:04d}.exr" for view in self.views}
+
+    def files(self, frame: int) -> list[str]:
+        """Return the names of all files of a frame, the report last."""
+        quilts = [self.picture(frame), self.picture(frame, "exr")]
+        return [*quilts, *self.view_files(frame).values(), self.report(frame)]

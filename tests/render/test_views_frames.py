@@ -1,0 +1,264 @@
+"""Many views of many frames: each frame as it is alone, whatever ends the run, and a movie of all of them."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.commands.animation import SavedScene, render_frames_of
+from stereo_reproject.blender.commands.frame_kinds import Quilts
+from stereo_reproject.blender.commands.views import render_views_files
+from stereo_reproject.blender.output.pictures import read_png
+from stereo_reproject.images.exr import read_channels
+from stereo_reproject.jobs.supervisor import Session
+from stereo_reproject.jobs.work_folder import WORK_PREFIX
+from stereo_reproject.pipeline import many_views
+from stereo_reproject.pipeline.view_plan import ViewCosts
+from stereo_reproject.sequence.journal_folder import JOURNAL
+from stereo_reproject.sequence.progress import Listener
+from stereo_reproject.settings.animation import AnimationSettings
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.settings.views import ViewsSettings
+from tests.delivery.movies import frames as movie_frames
+from tests.render.test_command_line import DEMO, environment, workers_of
+from tests.render.test_command_line import Run as Ended
+from tests.render.test_trace_requests import small_studio
+
+VIEWS = ViewsSettings(4, baseline=0.3, columns=2, rows=2)
+SETTINGS = StereoSettings(fill="packed", scene=SceneOverrides(size=(64, 48), samples=4, denoise=False, seed=3))
+TAG = "qs2x2a1.3333"
+
+ALL_RENDERED, NEARLY_FREE = ViewCosts(9.0, 9.0), ViewCosts(0.01, 0.01)
+
+SECONDS = 300.0
+"""Far more than any of these runs takes."""
+
+posix = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
+
+
+def moving_box(scene):
+    box = bpy.data.objects["Box"]
+    for frame, x in ((1, -1.0), (4, 0.5)):
+        box.location.x = x
+        box.keyframe_insert("location", frame=frame)
+
+
+def moving_focus(scene):
+    """The convergence distance is animated, and so is the lens, which must go on moving."""
+    data = scene.camera.data
+    for frame, factor in ((1, 1.0), (4, 1.4)):
+        data.stereo.convergence_distance = 4.0 * factor
+        data.lens = 40.0 * factor
+        data.stereo.keyframe_insert("convergence_distance", frame=frame)
+        data.keyframe_insert("lens", frame=frame)
+
+
+def scene_of(folder, *changes):
+    return small_studio(folder, moving_box, *changes, lit=True)
+
+
+def saved(scene, folder):
+    """The scene as the writer opens it."""
+    blend, work = folder / "saved.blend", folder / "work"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend), compress=False, copy=True)
+    work.mkdir(exist_ok=True)
+    return SavedScene(blend, Session(), work)
+
+
+def render(scene, folder, *, frames=(1, 2, 3), listener=None, **options):
+    """Return the report of the run, and the numbers of the frames that it tells of."""
+    asked = AnimationSettings(frames=tuple(frames), output=str(folder / "out"), **options)
+    told = []
+    listener = listener or Listener(on_frame=lambda event: told.append(event["frame"]))
+    return render_frames_of(Quilts(SETTINGS, VIEWS), scene, asked, saved(scene, folder), listener=listener), told
+
+
+def quilts(folder):
+    return {path.name: path.read_bytes() for path in folder.glob("quilt_*qs*")}
+
+
+@pytest.mark.parametrize("changes", [(), (moving_focus,)])
+def test_each_frame_is_as_it_is_alone(tmp_path, monkeypatch, changes):
+    monkeypatch.setattr(many_views, "_costs", lambda *_: ALL_RENDERED)
+    scene = scene_of(tmp_path, *changes)
+    render(scene, tmp_path, frames=(1, 3), views=True)
+    for frame in (1, 3):
+        alone = tmp_path / f"alone-{frame}"
+        alone.mkdir()
+        settings = StereoSettings(fill="packed", scene=SceneOverrides(**{**vars(SETTINGS.scene), "frame": frame}))
+        report, _ = render_views_files(scene, settings, VIEWS, alone)
+        told = json.loads((tmp_path / "out" / "reports" / f"{frame:04d}.json").read_text())
+        for key in ("frame", "size", "focus_distance", "baseline", "views"):
+            assert told[key] == report[key]
+        for view in VIEWS.names:
+            ours = read_channels(tmp_path / "out" / "views" / f"{view}_{frame:04d}.exr")
+            expected = read_channels(alone / "out" / "views" / f"{view}.exr")
+            assert ours.keys() == expected.keys()
+            for channel, values in expected.items():
+                np.testing.assert_array_equal(ours[channel], values, err_msg=f"{channel} of {view}")
+        ours = read_channels(tmp_path / "out" / f"quilt_{frame:04d}_{TAG}.exr")
+        np.testing.assert_array_equal(ours["R"], read_channels(alone / "out" / f"quilt_{TAG}.exr")["R"])
+        shown = read_png(tmp_path / "out" / f"quilt_{frame:04d}_{TAG}.png")
+        np.testing.assert_allclose(shown, read_png(alone / "out" / f"quilt_{TAG}.png"), atol=2.01 / 255.0)
+    views = [read_channels(tmp_path / "out" / "views" / f"view_00_{frame:04d}.exr")["R"] for frame in (1, 3)]
+    assert np.abs(views[0] - views[1]).mean() > 0.001, "nothing has moved"
+
+
+def test_a_frame_that_is_rendered_again_is_the_same_though_it_would_be_decided_otherwise(tmp_path, monkeypatch):
+    monkeypatch.setattr(many_views, "_costs", lambda *_: NEARLY_FREE)
+    scene = scene_of(tmp_path)
+    report, told = render(scene, tmp_path, views=False)
+    assert told == [1, 2, 3]
+    assert [row["rendered_views"] for row in report["frames"]] == [2, 2, 2]
+    assert all(0.5 < row["fractions"]["rerendered"] < 1.0 for row in report["frames"])
+    out = tmp_path / "out"
+    before = quilts(out)
+    assert sorted(before) == sorted(f"quilt_{k:04d}_{TAG}.{kind}" for k in (1, 2, 3) for kind in ("png", "exr"))
+    assert not (out / "views").exists()
+    (out / f"quilt_0002_{TAG}.png").write_bytes(b"damaged")
+    (out / f"quilt_0003_{TAG}.exr").unlink()
+    monkeypatch.setattr(many_views, "_costs", lambda *_: ALL_RENDERED)
+    report, told = render(scene, tmp_path, existing="resume")
+    assert told == [2, 3]
+    assert quilts(out) == before
+    report, told = render(scene, tmp_path, existing="resume", movie="")
+    assert told == []
+    (movie,) = report["movies"]
+    assert Path(movie) == out / f"{Path(bpy.data.filepath).stem or scene.name}_{TAG}.mp4"
+    assert len([line for line in movie_frames(Path(movie)) if line.startswith("0,")]) == 3
+    # With the files of each view, what is there is not all that is asked for.
+    _, told = render(scene, tmp_path, frames=(2,), existing="resume", views=True)
+    assert told == [2]
+    assert len(list((out / "views").iterdir())) == VIEWS.count
+    assert quilts(out) == before
+
+
+# The real command
+
+
+SIZE = ["--size", "64x48", "--samples", "2", "--no-denoise", "--seed", "5"]
+OPTIONS = ["--views", "4", "--cone", "10", "--focus", "6.9", *SIZE]
+
+
+@pytest.fixture(scope="module")
+def blend(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "demo.blend"
+    bpy.ops.wm.open_mainfile(filepath=str(DEMO), load_ui=False)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=False)
+    return path
+
+
+def start(blend, folder, frames, *options):
+    arguments = [str(blend), "--output", str(folder), "--frames", frames, *OPTIONS, *options]
+    return subprocess.Popen(
+        [sys.executable, "-m", "stereo_reproject", "views", *arguments],
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def end(process, folder):
+    out, err = process.communicate(timeout=SECONDS)
+    return Ended(process.returncode, out, err, folder)
+
+
+def views(blend, folder, frames, *options):
+    return end(start(blend, folder, frames, *options), folder)
+
+
+def finished(folder):
+    return sorted(path.stem for path in (folder / JOURNAL).glob("quilt_[0-9]*.json"))
+
+
+def wait_for(process, condition):
+    deadline = time.monotonic() + SECONDS
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@posix
+@pytest.mark.slow
+def test_a_killed_run_is_gone_on_with(blend, tmp_path):
+    folder = tmp_path / "out"
+    process = start(blend, folder, "1-4")
+    wait_for(process, lambda: len(finished(folder)) >= 1)
+    (worker,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    for pid in (process.pid, int(worker)):
+        os.kill(pid, signal.SIGKILL)
+    process.communicate(timeout=SECONDS)
+    assert 1 <= len(finished(folder)) < 4
+    before = quilts(folder)
+    refused = views(blend, folder, "1-4")
+    assert refused.status == 2
+    assert "are there already" in refused.err
+    assert "--resume keeps what is whole" in refused.err
+    ended = views(blend, folder, "1-4", "--resume", "--movie")
+    assert ended.status == 0, ended.err
+    # What was handed over by then, the process that writes has written still.
+    assert re.search("^[123] of 4 frames are there already", ended.out, re.MULTILINE)
+    assert len(finished(folder)) == 4
+    assert {name: data for name, data in quilts(folder).items() if name in before} == before
+    assert sorted(path.name for path in folder.iterdir() if path.name.startswith(WORK_PREFIX)) == []
+    assert workers_of(folder) == []
+    assert (folder / f"demo_{TAG}.mp4").is_file()
+    report = json.loads((folder / "quilt_animation.json").read_text())
+    assert [row["frame"] for row in report["frames"]] == [1, 2, 3, 4]
+    assert len(report["frames"][0]["files"]) == 3
+    again = views(blend, folder, "1-4", "--resume", "--samples", "3")
+    assert again.status == 0, again.err
+    assert "rendered again, for being of other settings: 1-4" in again.out
+
+
+@posix
+@pytest.mark.slow
+def test_an_interrupted_run_keeps_its_frames(blend, tmp_path):
+    folder = tmp_path / "out"
+    process = start(blend, folder, "1-6")
+    wait_for(process, lambda: len(finished(folder)) >= 1)
+    process.send_signal(signal.SIGINT)
+    ended = end(process, folder)
+    assert ended.status == 130
+    assert ended.err == "stereo_reproject: interrupted; finished frames are kept, and --resume renders the rest\n"
+    assert finished(folder)
+    assert len(quilts(folder)) >= 2
+
+
+@posix
+@pytest.mark.slow
+def test_two_runs_share_the_frames(blend, tmp_path):
+    folder = tmp_path / "out"
+    both = [start(blend, folder, "1-5", "--resume") for _ in range(2)]
+    ended = [end(process, folder) for process in both]
+    assert [run.status for run in ended] == [0, 0], [run.err for run in ended]
+    assert len(finished(folder)) == 5
+    report = json.loads((folder / "quilt_animation.json").read_text())
+    assert [row["frame"] for row in report["frames"]] == [1, 2, 3, 4, 5]
+    assert not list((folder / JOURNAL).glob("*.claim.*"))
+
+
+@pytest.mark.slow
+def test_another_scene_in_the_same_folder_is_refused(blend, tmp_path):
+    folder = tmp_path / "out"
+    assert views(blend, folder, "1").status == 0
+    bpy.ops.wm.open_mainfile(filepath=str(blend), load_ui=False)
+    bpy.context.scene.camera.location.x += 0.1
+    other = tmp_path / "other.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(other), compress=False)
+    refused = views(other, folder, "1-2", "--resume")
+    assert refused.status == 2
+    assert "the scene has changed since frame 1 was rendered" in refused.err
+    assert refused.err.count("\n") == 1
