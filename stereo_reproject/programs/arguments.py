@@ -175,6 +175,7 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         focus_distance=arguments.focus,
         quilt=arguments.quilt,
         aspect=arguments.aspect,
+        from_scene=arguments.from_scene,
     )
 
 
@@ -226,6 +227,11 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
         choices=DISPLAYS,
         help="the light-field display that the views are for, which says their number, cone, quilt, aspect and size: "
         f"{', '.join(DISPLAYS)}",
+    )
+    parser.add_argument(
+        "--from-scene",
+        action="store_true",
+        help="the scene's own views, by cameras of their own anywhere: Output > Stereoscopy > Multi-View",
     )
     group: Any = parser
     add("--views", "N", "count", whole_number, f"number of views, {MIN_COUNT} to {MAX_COUNT} ({DEFAULT_COUNT})")

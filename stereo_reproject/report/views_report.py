@@ -19,7 +19,7 @@ from .views_table import MADE, RENDERED
 class ViewReport:
     """One view: its name, `how` it came to be (`RENDERED` or `MADE`), the names of the views that it was made from, and
     the share of its pixels that was traced, 0 to 1. honest_ratio is the estimate of its error and interval that of its
-    95 % ends, None where nothing was probed."""
+    95 % ends, None where nothing was probed. camera is the name of its own camera in the scene, where it has one."""
 
     name: str
     how: str
@@ -27,6 +27,7 @@ class ViewReport:
     traced: float
     honest_ratio: float | None
     interval: tuple[float, float] | None
+    camera: str | Absent = ABSENT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,14 +57,14 @@ class ViewsReport(PictureHeader):
     """The report of many views of one frame; size is that of a view.
 
     cone_degrees is the angle between the outermost cameras, baseline the distance between them and focus_distance that
-    of the plane that all views show alike, in scene units. plan has a line for each decision on the way. seconds are by
-    stage and in total. predicted_speedup is over rendering each view plainly. files are the names of all files of the
-    result.
+    of the plane that all views show alike, in scene units; cameras that the scene places have none. plan has a line for
+    each decision on the way. seconds are by stage and in total. predicted_speedup is over rendering each view plainly.
+    files are the names of all files of the result.
     """
 
-    cone_degrees: float
-    baseline: float
-    focus_distance: float
+    cone_degrees: float | Absent = ABSENT
+    baseline: float | Absent = ABSENT
+    focus_distance: float | Absent = ABSENT
     display: str | None
     views: tuple[ViewReport, ...]
     plan: tuple[str, ...]

@@ -36,6 +36,9 @@ class ViewsSettings:
     columns and rows are the quilt's grid, with at least as many places as views; None makes no quilt. aspect is the
     width of the display over its height, None that of a view. Where a view's pixels are of another shape, they are not
     square. display is a name in `delivery.displays.DISPLAYS` that the others were taken from, None without one.
+
+    With from_scene the views are the scene's own, by cameras of their own: count is 0, and nothing else says how many
+    they are and where they stand.
     """
 
     count: int
@@ -46,8 +49,12 @@ class ViewsSettings:
     rows: int | None = None
     aspect: float | None = None
     display: str | None = None
+    from_scene: bool = False
 
     def __post_init__(self) -> None:
+        if self.from_scene:
+            self._check_from_scene()
+            return
         if self.count is None:
             raise BadInputError("the number of views must be given")
         check_int("the number of views", self.count, MIN_COUNT, MAX_COUNT)
@@ -63,14 +70,29 @@ class ViewsSettings:
             if value is not None:
                 check_float(name, value, 0.0, above=True)
         self._check_quilt()
-        if self.aspect is not None:
-            check_float("the aspect", self.aspect, ASPECTS[0])
-            if self.aspect > ASPECTS[1]:
-                raise BadInputError(
-                    Words("the aspect must be at most {most}, not {aspect}", most=100, aspect=f"{self.aspect:g}")
-                )
+        self._check_aspect()
         if self.display is not None:
             display_of(self.display)
+
+    def _check_from_scene(self) -> None:
+        """Check the settings of the scene's own views. Raises BadInputError."""
+        said = (self.cone_degrees, self.baseline, self.focus_distance, self.display)
+        if self.count or any(value is not None for value in said):
+            raise BadInputError(
+                "the scene's own views are as many as it has, where its cameras stand: leave --views, --cone,"
+                " --baseline, --focus and --display out"
+            )
+        self._check_quilt()
+        self._check_aspect()
+
+    def _check_aspect(self) -> None:
+        if self.aspect is None:
+            return
+        check_float("the aspect", self.aspect, ASPECTS[0])
+        if self.aspect > ASPECTS[1]:
+            raise BadInputError(
+                Words("the aspect must be at most {most}, not {aspect}", most=100, aspect=f"{self.aspect:g}")
+            )
 
     def _check_quilt(self) -> None:
         """Raise BadInputError unless there is no quilt, or one with a place for each view."""
@@ -80,20 +102,25 @@ class ViewsSettings:
             return
         check_int("the quilt's columns", self.columns, 1, MAX_COUNT)
         check_int("the quilt's rows", self.rows, 1, MAX_COUNT)
-        if self.columns * self.rows < self.count:
-            raise BadInputError(
-                Words(
-                    "a quilt of {columns} x {rows} must have a place for each of the {count} views",
-                    columns=self.columns,
-                    rows=self.rows,
-                    count=self.count,
-                )
+        self.check_places(self.count)
+
+    def check_places(self, count: int) -> None:
+        """Raise BadInputError where the quilt, if there is one, has fewer places than there are views."""
+        if self.columns is None or self.rows is None or self.columns * self.rows >= count:
+            return
+        raise BadInputError(
+            Words(
+                "a quilt of {columns} x {rows} must have a place for each of the {count} views",
+                columns=self.columns,
+                rows=self.rows,
+                count=count,
             )
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the views, as `view_names` has them."""
-        return view_names(self.count)
+        """The names of the views, as `view_names` has them; none of the scene's own, which it alone tells."""
+        return () if self.from_scene else view_names(self.count)
 
     @property
     def view_size(self) -> tuple[int, int] | None:
@@ -116,10 +143,16 @@ def views_settings(
     focus_distance: float | None = None,
     quilt: tuple[int, int] | None = None,
     aspect: float | None = None,
+    from_scene: bool = False,
 ) -> ViewsSettings:
     """Return the settings of many views, with what is None taken from the display of that name, or else from the usual
-    ones: 48 views, a cone of 40 degrees, and a quilt that suits their number. quilt is (columns, rows). Raises
-    BadInputError."""
+    ones: 48 views, a cone of 40 degrees, and a quilt that suits their number. The scene's own views have no quilt but
+    one that is given. quilt is (columns, rows). Raises BadInputError."""
+    if from_scene:
+        columns, rows = quilt or (None, None)
+        return ViewsSettings(
+            count or 0, cone_degrees, baseline, focus_distance, columns, rows, aspect, display, from_scene=True
+        )
     known = None if display is None else display_of(display)
     if count is None:
         count = quilt[0] * quilt[1] if quilt is not None else DEFAULT_COUNT if known is None else known.count

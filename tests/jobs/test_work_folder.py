@@ -21,7 +21,7 @@ from stereo_reproject.jobs.work_folder import (
     views_superseded_by,
     work_folder,
 )
-from stereo_reproject.settings.views import ViewsSettings
+from stereo_reproject.settings.views import view_names
 from tests.warp.strange import STRANGE
 
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and named pipes as POSIX has them")
@@ -167,7 +167,7 @@ def test_no_process_has_such_a_number(pid):
 
 def rendered_views(work, output, count):
     """Views that are rendered, and an output folder."""
-    files = views_files(ViewsSettings(count, 40.0))
+    files = views_files(view_names(count))
     for folder in (work / "out" / "views", work / "old", output):
         folder.mkdir(parents=True, exist_ok=True)
     for name in files:
@@ -224,7 +224,7 @@ def test_a_torn_publish_of_views_leaves_all_as_it_was(tmp_path, step):
 
 def test_a_file_where_the_folder_of_views_belongs_is_said_before_anything_is_rendered(tmp_path):
     (tmp_path / "views").write_text("mine")
-    files = views_files(ViewsSettings(2, 40.0))
+    files = views_files(view_names(2))
     with pytest.raises(module.BadInputError, match="views is not a folder"), work_folder(tmp_path, files):
         raise AssertionError("it was rendered")
     assert (tmp_path / "views").read_text() == "mine"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,28 +14,26 @@ from ...pipeline.stereo_frame import colour
 from ...pipeline.views_maker import FinishedView
 from ...report.views_report import ViewsCompareReport
 from ...settings.frame import StereoSettings
-from ...settings.views import view_names
 from ...trace.fill import SourceCost
 from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
 from ..engines.renderer import cost_of, shifted_seed
-from ..engines.views_renderer import set_up_middle, standing_beside
 from ..scene.working import working_scene
 from .compare import REFERENCE_SEED_OFFSET, REPEATED_SEED_OFFSET, MultiviewReference, flips
+from .view_rigs import ViewRig
 
 
 @dataclass
 class PlainViews:
-    """Finished views as a comparison needs them: their places, and the one that is compared.
+    """Finished views as a comparison needs them: their cameras, and the one that is compared.
 
-    offsets, focus_distance are those of the renderer and layer is the view layer; light_scale is the number by which
+    rig has the cameras and layer is the view layer; light_scale is the number by which
     light is multiplied to be judged as it is seen. Of all views that one is compared which stands farthest from those
     it was made from; of equal ones, that which is nearest to the middle. Where none was made, it is one that was
     rendered, with noise of its own.
     """
 
-    offsets: Sequence[float]
-    focus_distance: float
+    rig: ViewRig
     layer: str
     light_scale: float = 1.0
     chosen: FinishedView | None = None
@@ -44,10 +41,10 @@ class PlainViews:
 
     def add(self, view: FinishedView) -> None:
         """Note a finished view."""
-        names = view_names(len(self.offsets))
+        names = self.rig.made
         numbers = [names.index(name) for name in view.sources]
         away = min((abs(view.number - number) for number in numbers), default=0)
-        rank = away, -abs(view.number - 0.5 * (len(self.offsets) - 1))
+        rank = away, -abs(view.number - 0.5 * (len(names) - 1))
         if self.chosen is None or rank > self._rank:
             self.chosen, self._rank = replace(view, passes={COLOUR_PASS: view.passes[COLOUR_PASS]}), rank
 
@@ -57,23 +54,28 @@ def compare_views(
 ) -> ViewsCompareReport:
     """Render both ends and the chosen view plainly, in a scene copy of their own that finds nothing synced, and
     compare. seconds are those of our views in total."""
-    count, names, chosen = len(made.offsets), view_names(len(made.offsets)), made.chosen
+    names, chosen = made.rig.made, made.chosen
     assert chosen is not None
-    between = chosen.number
-    numbers = list(dict.fromkeys((0, between, count - 1)))
+    between = chosen.name
+    compared = tuple(dict.fromkeys((names[0], between, names[-1])))
     with working_scene(scene, settings.scene, layer=made.layer) as copy:
-        set_up_middle(copy, made.focus_distance)
-        plain = {number: _plain(copy, made.offsets[number], REFERENCE_SEED_OFFSET, work) for number in numbers}
-        again, _ = _plain(copy, made.offsets[between], REPEATED_SEED_OFFSET, work)
+        with made.rig.standing(copy) as standing_at:
+
+            def plainly(name: str, seed_offset: int) -> tuple[NDArray[np.float32], SourceCost]:
+                with standing_at(name) as eye:
+                    return _plain(copy, eye, seed_offset, work)
+
+            plain = {name: plainly(name, REFERENCE_SEED_OFFSET) for name in compared}
+            again, _ = plainly(between, REPEATED_SEED_OFFSET)
         engine = copy.render.engine
     costs = [cost for _, cost in plain.values()]
-    all_seconds = costs[0].sync_seconds + count * float(np.mean([cost.per_frame for cost in costs]))
+    all_seconds = costs[0].sync_seconds + len(names) * float(np.mean([cost.per_frame for cost in costs]))
     reference = MultiviewReference(engine, all_seconds, plain[between][0], again, made.light_scale)
     ours, share = chosen.passes[COLOUR_PASS], chosen.variance_share
     errors = reference.judge(ours, share)
     flip, noise_flip = flips(scene, settings, ours, reference, work)
     return ViewsCompareReport(
-        views=tuple(names[number] for number in numbers),
+        views=compared,
         plain_seconds=all_seconds,
         speedup=all_seconds / seconds,
         **{name: value for name, value in errors.items() if name != "rmse"},
@@ -83,10 +85,7 @@ def compare_views(
     )
 
 
-def _plain(
-    scene: bpy.types.Scene, offset: float, seed_offset: int, work: Path
-) -> tuple[NDArray[np.float32], SourceCost]:
-    """Return the colour (H, W, 4) of the view at this offset as Blender renders it, and what that has cost."""
-    with standing_beside(scene, offset) as eye:
-        rendered = render_views(scene, (eye,), work, seed=shifted_seed(scene.cycles.seed, seed_offset))
+def _plain(scene: bpy.types.Scene, eye: str, seed_offset: int, work: Path) -> tuple[NDArray[np.float32], SourceCost]:
+    """Return the colour (H, W, 4) of an eye as Blender renders it, and what that has cost."""
+    rendered = render_views(scene, (eye,), work, seed=shifted_seed(scene.cycles.seed, seed_offset))
     return colour(replace_non_finite(rendered.views[eye])[0]), cost_of(rendered)

@@ -22,45 +22,22 @@ from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...pipeline.stereo_frame import colour
 from ...pipeline.stopwatch import Stopwatch
 from ...pipeline.views_maker import FinishedView, ViewsMaker
-from ...report.as_json import as_json
-from ...report.views_report import ViewReport, ViewsReport, plan_lines, view_report
+from ...report.as_json import ABSENT, as_json
+from ...report.views_report import ViewReport, ViewsReport, view_report
 from ...settings.frame import StereoSettings
 from ...settings.views import ViewsSettings
 from ...trace.costs import TraceCosts
-from ...views.cone import baseline_of, cone_degrees, offsets_of
 from ...words import Words
-from ..engines.views_renderer import ViewsRenderer
+from ..engines.views_renderer import ManyViewsRenderer
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
 from ..scene.compositor import is_composited
-from ..scene.cone_room import cone_warnings
 from ..scene.rendered import check_layers
 from ..scene.warnings import scene_warnings
-from ..scene.working import evaluated, working_scene
+from ..scene.working import working_scene
 from .compare_views import PlainViews, compare_views
 from .frame import memory_report, picture_header
 from .known_costs import known_costs, learn_costs
-
-
-@dataclass(frozen=True)
-class Cone:
-    """The places of many views: the distance of the plane that all show alike, and that between the outermost cameras,
-    in scene units."""
-
-    focus_distance: float
-    baseline: float
-    count: int
-
-    @property
-    def offsets(self) -> list[float]:
-        """Places of the cameras beside the scene's camera, in scene units, from the leftmost on."""
-        return offsets_of(self.count, self.baseline)
-
-
-def cone_of(working: bpy.types.Scene, views: ViewsSettings) -> Cone:
-    """Return the places of the views that are asked for, before the camera of a working scene."""
-    stereo = evaluated(working.camera, working).data.stereo
-    focus = stereo.convergence_distance if views.focus_distance is None else views.focus_distance
-    return Cone(focus, baseline_of(views, focus), views.count)
+from .view_rigs import ViewRig, count_of_views, rig_of
 
 
 class ViewFiles(Sequence):
@@ -101,7 +78,7 @@ def render_views_files(
     onlooker.on_stage(Stage.WRITE)
     watch = Stopwatch()
     watch.lap(Stage.WRITE)
-    files = _write_pictures(scene, settings, views, work / "out")
+    files = _write_pictures(scene, settings, views, kept.rig, work / "out")
     watch.lap()
     report = replace(report, seconds={Stage.LOAD.value: load_seconds, **report.seconds, **watch.seconds})
     if settings.compare:
@@ -131,56 +108,49 @@ def _render(
     """Render the views and write each into its folder as it is finished. Return the report, and what a comparison
     needs of them."""
     layer = check_layers(scene)[0]
-    reports: dict[int, ViewReport] = {}
+    reports: dict[str, ViewReport] = {}
+
+    count = count_of_views(scene, views, settings.scene.frame)
+    views.check_places(count)
 
     def on_stage(stage: str) -> None:
-        onlooker.on_stage(stage, f"view {min(len(reports) + 1, views.count)} of {views.count}")
+        onlooker.on_stage(stage, f"view {min(len(reports) + 1, count)} of {count}")
 
     watch = Stopwatch(Onlooker(on_stage, onlooker.show))
     watch.lap(Stage.PLAN)
     with working_scene(scene, settings.scene, layer=layer) as working:
-        cone = cone_of(working, views)
-        renderer = ViewsRenderer(
-            working, places.work, cone.offsets, cone.focus_distance, user_scene=scene, packed_by=settings.packed_camera
-        )
-        facts = {**vars(picture_header(scene, working, settings)), **_facts(scene, working, renderer, cone)}
-        for line in facts["warnings"]:
-            warn(line)
-        kept = PlainViews(cone.offsets, cone.focus_distance, layer)
+        rig = rig_of(scene, working, views)
+        with rig.renderer(working, places.work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
+            facts = {**vars(picture_header(scene, working, settings)), **_facts(scene, renderer, rig)}
+            for line in facts["warnings"]:
+                warn(line)
+            kept = PlainViews(rig, layer)
+            files = dict(zip(rig.names, rig.file_names, strict=True))
 
-        def on_view(view: FinishedView) -> None:
-            reports[view.number] = view_report(view)
-            if settings.compare:
-                kept.add(view)
-            write_eye(
-                places.views / f"{view.name}.exr", {layer: view.passes}, view=view.name, metadata=renderer.metadata
-            )
-            watch.show(view.name, lambda: colour(view.passes))
+            def on_view(finished: FinishedView) -> None:
+                view = rig.named(finished)
+                reports[view.name] = replace(view_report(view), camera=rig.cameras.get(view.name, ABSENT))
+                if settings.compare:
+                    kept.add(view)
+                path = places.views / f"{files[view.name]}.exr"
+                write_eye(path, {layer: view.passes}, view=view.name, metadata=renderer.metadata)
+                watch.show(view.name, lambda: colour(view.passes))
 
-        def costs() -> TraceCosts:
-            return known_costs(working, renderer.packed_by)
+            def costs() -> TraceCosts:
+                return known_costs(working, renderer.packed_by)
 
-        maker = render_many_views(renderer, settings, views.names, on_view, watch=watch, known_costs=costs)
-        learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
-        kept.light_scale = maker.light_scale or 1.0
-        facts["packed_by"] = renderer.packed.name
+            maker = render_many_views(renderer, settings, rig.asked, on_view, watch=watch, known_costs=costs)
+            learn_costs(working, renderer.packed_by, maker.costs[0], renderer.trace_renders)
+            kept.light_scale = maker.light_scale or 1.0
+            facts |= {"packed_by": renderer.packed.name, "plan": rig.plan(maker.steps)}
     give_back_freed()
-    ordered = tuple(reports[number] for number in sorted(reports))
+    ordered = tuple(reports[name] for name in rig.names)
     return _report(scene, settings, views, facts, maker, ordered), kept
 
 
-def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, renderer: ViewsRenderer, cone: Cone) -> dict[str, Any]:
-    """Return the fields of the report, beside its header, that are known as long as the working scene is there."""
-    return {
-        "cone_degrees": cone_degrees(cone.baseline, cone.focus_distance),
-        "baseline": cone.baseline,
-        "focus_distance": cone.focus_distance,
-        "warnings": (
-            *renderer.warnings,
-            *cone_warnings(working, cone.offsets, cone.focus_distance),
-            *views_warnings(scene),
-        ),
-    }
+def _facts(scene: bpy.types.Scene, renderer: ManyViewsRenderer, rig: ViewRig) -> dict[str, Any]:
+    """Return the fields of the report, beside its header, that are known before anything is rendered."""
+    return {**rig.facts, "warnings": (*renderer.warnings, *rig.warnings, *views_warnings(scene))}
 
 
 def _report(
@@ -200,9 +170,8 @@ def _report(
         **{**facts, "warnings": tuple(dict.fromkeys(warnings))},
         display=views.display,
         views=reports,
-        plan=plan_lines(maker.steps),
         seconds={**seconds, "total": total},
-        predicted_speedup=maker.plain_seconds(views.count) / total,
+        predicted_speedup=maker.plain_seconds(len(reports)) / total,
         memory=memory_report(),
     )
 
@@ -220,10 +189,14 @@ def views_warnings(scene: bpy.types.Scene) -> list[str]:
     return warnings
 
 
-def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, out: Path) -> list[str]:
+def _write_pictures(
+    scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, rig: ViewRig, out: Path
+) -> list[str]:
     """Write the quilt, the contact sheet and the sweep of the views into the folder `out`; return the names of all
     files there."""
-    pictures, frame = ViewFiles(out / VIEWS_FOLDER, views.names), settings.scene.frame
+    frame, files = settings.scene.frame, dict(zip(rig.names, rig.file_names, strict=True))
+    pictures = ViewFiles(out / VIEWS_FOLDER, rig.file_names)
+    along = ViewFiles(out / VIEWS_FOLDER, [files[name] for name in rig.made])
     quilts: list[str] = []
     if views.columns is not None and views.rows is not None:
         height, width = pictures[0].shape[:2]
@@ -231,8 +204,9 @@ def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, views: Vie
         aspect = views.aspect or width * render.pixel_aspect_x / (height * render.pixel_aspect_y)
         name = quilt_name(views.columns, views.rows, aspect)
         quilts = [f"{name}.png", f"{name}.exr"]
+        in_quilt = along if rig.is_line else pictures
         for quilt in quilts:
-            write_quilt(scene, pictures, views.columns, views.rows, out / quilt, frame=frame)
-    write_contact_sheet(scene, pictures, out / CONTACT_SHEET, frame=frame)
-    write_sweep(scene, pictures, out / SWEEP, frame=frame)
-    return [*quilts, *views_files(views)]
+            write_quilt(scene, in_quilt, views.columns, views.rows, out / quilt, frame=frame)
+    write_contact_sheet(scene, pictures, rig.names, out / CONTACT_SHEET, frame=frame)
+    write_sweep(scene, along, out / SWEEP, frame=frame)
+    return [*quilts, *views_files(rig.file_names)]

@@ -23,7 +23,6 @@ from ...delivery.quilts import grid_for, quilt_bands
 from ...images.exr import in_halves, write_halves
 from ...images.png import write_png, write_png_bands
 from ...images.resizing import made_smaller
-from ...settings.views import view_names
 from ..scene.working import changed
 from .delivery import NOTHING, deliver_movie, deliver_picture, empty_scene_like
 from .movie import movie_scene, only_file
@@ -98,7 +97,9 @@ def write_quilt(
         write_png_bands(path, (columns * width, rows * height), shown, texts=metadata)
 
 
-def write_contact_sheet(scene: bpy.types.Scene, pictures: Pictures, path: Path, *, frame: int | None = None) -> None:
+def write_contact_sheet(
+    scene: bpy.types.Scene, pictures: Pictures, names: Sequence[str], path: Path, *, frame: int | None = None
+) -> None:
     """Write a PNG of small pictures of all views in their order, from the top left on in rows, each below its name.
     frame is as for `write_quilt`. Raises StereoReprojectError."""
     columns, rows = grid_for(len(pictures))
@@ -108,14 +109,14 @@ def write_contact_sheet(scene: bpy.types.Scene, pictures: Pictures, path: Path, 
     lines = [np.concatenate(small[k : k + columns], axis=1) for k in range(0, len(small), columns)]
     with tempfile.TemporaryDirectory() as folder, _at(scene, frame) as empty:
         shown = _shown(empty, np.concatenate(lines), Path(folder))
-        names = [drawn(Path(folder) / "name.png", [(name, None)], width) for name in view_names(len(pictures))]
-    name_height = max(name.shape[0] for name in names)
+        titles = [drawn(Path(folder) / "name.png", [(name, None)], width) for name in names]
+    name_height = max(title.shape[0] for title in titles)
     step_x, step_y = width + GAP_PX, name_height + height + GAP_PX
     sheet = np.full((rows * step_y, columns * step_x - GAP_PX, 3), BACKGROUND, np.uint8)
-    for k, name in enumerate(names):
+    for k, title in enumerate(titles):
         row, column = divmod(k, columns)
         y, x = row * step_y, column * step_x
-        sheet[y : y + name.shape[0], x : x + width] = name
+        sheet[y : y + title.shape[0], x : x + width] = title
         picture = shown[row * height : (row + 1) * height, column * width : (column + 1) * width]
         sheet[y + name_height : y + name_height + height, x : x + width] = picture
     write_png(path, sheet)
