@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from ..settings.views import (
     DEFAULT_COUNT,
     MAX_COUNT,
     MIN_COUNT,
+    VIEWS_LAYOUTS,
     ViewsSettings,
     read_quilt,
     views_settings,
@@ -167,7 +169,21 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
 
 def views_of(arguments: argparse.Namespace) -> ViewsSettings:
     """Return the settings of many views from the parsed command-line options. Raises BadInputError."""
-    return views_settings(
+    if arguments.from_scene:
+        columns, rows = arguments.quilt or (None, None)
+        return ViewsSettings(
+            arguments.views or 0,
+            arguments.cone,
+            arguments.baseline,
+            arguments.focus,
+            columns,
+            rows,
+            arguments.aspect,
+            arguments.display,
+            from_scene=True,
+            layout=arguments.layout,
+        )
+    views = views_settings(
         display=arguments.display,
         count=arguments.views,
         cone_degrees=arguments.cone,
@@ -175,8 +191,8 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         focus_distance=arguments.focus,
         quilt=arguments.quilt,
         aspect=arguments.aspect,
-        from_scene=arguments.from_scene,
     )
+    return replace(views, layout=arguments.layout)
 
 
 def add_views_arguments(parser: argparse.ArgumentParser) -> None:
@@ -247,6 +263,13 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
         metavar="COLUMNSxROWS",
         type=read_by(read_quilt),
         help="grid of the quilt, the picture of all views; without it one that suits their number (8x6)",
+    )
+    parser.add_argument(
+        "--layout",
+        type=str.lower,
+        choices=VIEWS_LAYOUTS,
+        default=VIEWS_LAYOUTS[0],
+        help="how views are stored: individual, an EXR for each, or multi-view, one EXR of all (%(default)s)",
     )
     aspect = "width of the display over its height, where the pixels of a view are not square; such as 1.7778"
     add("--aspect", "RATIO", "aspect", number, aspect)

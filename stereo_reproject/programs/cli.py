@@ -115,7 +115,9 @@ def _views(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     """Run the `views` command: render many views of a frame, print their report, and return the exit status."""
     views = views_of(arguments)
     arguments.size = arguments.size or views.view_size
-    job = _scene_job(arguments, settings_of(arguments), command="views", views=views, files=views_files(views.names))
+    job = _scene_job(
+        arguments, settings_of(arguments), command="views", views=views, files=views_files(views.names, views.layout)
+    )
     return _run(job, arguments, console, host, format_views_table)
 
 

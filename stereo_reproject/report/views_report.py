@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from .views_table import MADE, RENDERED
 class ViewReport:
     """One view: its name, `how` it came to be (`RENDERED` or `MADE`), the names of the views that it was made from, and
     the share of its pixels that was traced, 0 to 1. honest_ratio is the estimate of its error and interval that of its
-    95 % ends, None where nothing was probed. camera is the name of its own camera in the scene, where it has one."""
+    95 % ends, None where nothing was probed. shown_from has the share of its pixels that each of those views shows, by
+    name. camera is the name of its own camera in the scene, where it has one."""
 
     name: str
     how: str
@@ -27,6 +28,7 @@ class ViewReport:
     traced: float
     honest_ratio: float | None
     interval: tuple[float, float] | None
+    shown_from: Mapping[str, float] = field(default_factory=dict)
     camera: str | Absent = ABSENT
 
 
@@ -88,6 +90,7 @@ def view_report(view: FinishedView) -> ViewReport:
         traced=float(np.mean(view.traced)),
         honest_ratio=None if told is None else told.honest_ratio,
         interval=ends if ends is not None and all(map(math.isfinite, ends)) else None,
+        shown_from=view.shown_from,
     )
 
 

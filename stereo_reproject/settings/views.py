@@ -10,7 +10,7 @@ from ..delivery.displays import DISPLAYS, display_of
 from ..delivery.quilts import grid_for
 from ..errors import BadInputError
 from ..words import Words
-from .checks import check_float, check_int
+from .checks import check_choice, check_float, check_int
 
 MIN_COUNT, MAX_COUNT = 2, 256
 DEFAULT_COUNT = 48
@@ -19,6 +19,9 @@ DEFAULT_CONE_DEGREES = 40.0
 
 MAX_CONE_DEGREES = 180.0
 """The angle that a cone of cameras on a straight line stays below."""
+
+VIEWS_LAYOUTS = "individual", "multi-view"
+"""Ways to store views: in a file for each, or in one."""
 
 ASPECTS = 0.01, 100.0
 """Least and greatest width of a display over its height. Blender's pixels can be 200 times as wide as high."""
@@ -39,6 +42,8 @@ class ViewsSettings:
 
     With from_scene the views are the scene's own, by cameras of their own: count is 0, and nothing else says how many
     they are and where they stand.
+
+    layout is one of `VIEWS_LAYOUTS`: a file for each view, or one multi-view EXR of all.
     """
 
     count: int
@@ -50,8 +55,10 @@ class ViewsSettings:
     aspect: float | None = None
     display: str | None = None
     from_scene: bool = False
+    layout: str = VIEWS_LAYOUTS[0]
 
     def __post_init__(self) -> None:
+        check_choice("the layout", self.layout, VIEWS_LAYOUTS)
         if self.from_scene:
             self._check_from_scene()
             return
@@ -143,16 +150,10 @@ def views_settings(
     focus_distance: float | None = None,
     quilt: tuple[int, int] | None = None,
     aspect: float | None = None,
-    from_scene: bool = False,
 ) -> ViewsSettings:
     """Return the settings of many views, with what is None taken from the display of that name, or else from the usual
-    ones: 48 views, a cone of 40 degrees, and a quilt that suits their number. The scene's own views have no quilt but
-    one that is given. quilt is (columns, rows). Raises BadInputError."""
-    if from_scene:
-        columns, rows = quilt or (None, None)
-        return ViewsSettings(
-            count or 0, cone_degrees, baseline, focus_distance, columns, rows, aspect, display, from_scene=True
-        )
+    ones: 48 views, a cone of 40 degrees, and a quilt that suits their number. quilt is (columns, rows). Raises
+    BadInputError."""
     known = None if display is None else display_of(display)
     if count is None:
         count = quilt[0] * quilt[1] if quilt is not None else DEFAULT_COUNT if known is None else known.count

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -9,11 +10,14 @@ import pytest
 
 from stereo_reproject.blender.commands.view_rigs import rig_of
 from stereo_reproject.blender.commands.views import render_views_files
+from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.view_cameras import cameras_of_views
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.exr import read_channels, read_eye, read_render
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.pipeline import many_views
+from stereo_reproject.pipeline.view_plan import ViewCosts
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
 from stereo_reproject.trace.requests import TraceRequest
@@ -113,7 +117,6 @@ def test_views_keep_the_scenes_names_and_order(tmp_path, quilt):
     assert report == json.loads((out / "report.json").read_text())
     assert [view["name"] for view in report["views"]] == in_blenders_order(scene)
     assert {view["camera"] for view in report["views"]} == {f"Rig{suffix}" for suffix in LINE.values()}
-    assert [view["name"] for view in report["views"] if "left" in view["name"] or "right" in view["name"]]
     assert any(name.startswith("quilt_") for name in files) == quilt
     assert "cone_degrees" not in report
     if quilt:
@@ -123,6 +126,36 @@ def test_views_keep_the_scenes_names_and_order(tmp_path, quilt):
             view = read_channels(out / "views" / f"{name}.exr")
             np.testing.assert_allclose(exr["R"][rows, columns], view["R"], rtol=1e-3, atol=1e-4)
         assert report["compare"]["views"][0] == "left"
+
+
+def test_all_views_in_one_file(tmp_path):
+    """Blender itself reads it as an image of many views."""
+    scene = with_views(small_studio(tmp_path))
+    settings = StereoSettings(scene=SceneOverrides(size=(32, 24), samples=1, denoise=False))
+    _, files = render_views_files(scene, settings, replace(FROM_SCENE, layout="multi-view"), tmp_path)
+    out = tmp_path / "out"
+    assert sorted(files) == sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
+    assert "views.exr" in files
+    assert not any(name.startswith("views/") for name in files)
+    image = bpy.data.images.load(str(out / "views.exr"))
+    assert (image.type, image.is_multiview) == ("MULTILAYER", True)
+
+
+def test_holes_of_made_views_are_shown_and_told(tmp_path, monkeypatch):
+    scene = with_views(small_studio(tmp_path, lit=True))
+    monkeypatch.setattr(many_views, "_costs", lambda *_: ViewCosts(1.25, 0.05))
+    settings = StereoSettings(scene=SceneOverrides(size=(160, 120), samples=16, denoise=False, seed=3))
+    report, files = render_views_files(scene, settings, FROM_SCENE, tmp_path)
+    made = [view for view in report["views"] if view["how"] == "made"]
+    assert made
+    assert {name for name in files if name.startswith("holes/")} == {f"holes/{view['name']}.png" for view in made}
+    for view in report["views"]:
+        assert set(view["shown_from"]) == set(view["from"])
+        total = sum(view["shown_from"].values()) + view["traced"]
+        assert total == pytest.approx(1.0)
+    for view in made:
+        assert set(view["from"]) <= set(LINE)
+        assert read_png(tmp_path / "out" / "holes" / f"{view['name']}.png").shape[1] == 160
 
 
 def no_multiview(scene):

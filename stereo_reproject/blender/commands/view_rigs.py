@@ -17,7 +17,7 @@ from ...settings.views import ViewsSettings, view_names
 from ...views.camera_order import line_order, order_of
 from ...views.cone import baseline_of, cone_degrees, offsets_of
 from ...words import Words
-from ..engines.scene_views_renderer import SceneViewsRenderer, camera_of, copies_of_cameras, looking_through
+from ..engines.scene_views_renderer import SceneViewsRenderer, camera_of, copies_of_cameras, own_view
 from ..engines.views_renderer import ManyViewsRenderer, ViewsRenderer, set_up_middle, standing_beside
 from ..scene.cone_room import cone_warnings
 from ..scene.view_cameras import cameras_of_views, file_name_of
@@ -72,7 +72,9 @@ class ViewRig:
     def named(self, view: FinishedView) -> FinishedView:
         """Return a finished view with the names that it and its sources have for users."""
         known = dict(zip(self.asked, self.made, strict=True))
-        return replace(view, name=known[view.name], sources=tuple(known[name] for name in view.sources))
+        shown = {known[name]: share for name, share in view.shown_from.items()}
+        sources = tuple(known[name] for name in view.sources)
+        return replace(view, name=known[view.name], sources=sources, shown_from=shown)
 
     def plan(self, steps: Iterable[PlanStep]) -> tuple[str, ...]:
         """Return a line for each step of the plan, with the names that the views have for users."""
@@ -163,7 +165,7 @@ def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSet
         made,
         line is not None,
         partial(_scene_renderer, {name: cameras[name] for name in made}),
-        partial(_looking_through, cameras),
+        partial(_own_views, cameras),
         cameras={name: camera.name for name, camera in cameras.items()},
         warnings=tuple(warnings),
     )
@@ -181,8 +183,8 @@ def _scene_renderer(
 
 
 @contextmanager
-def _looking_through(cameras: Cameras, working: bpy.types.Scene) -> Iterator[Standing]:
+def _own_views(cameras: Cameras, working: bpy.types.Scene) -> Iterator[Standing]:
     """Have a working scene set up to render its own views, as `ViewRig` says of `standing`."""
-    with copies_of_cameras(working, cameras) as copies:
-        names = {name: copy.name for name, copy in copies.items()}
-        yield lambda name: looking_through(working, names[name])
+    asked = dict(zip(cameras, view_names(len(cameras)), strict=True))
+    with copies_of_cameras(working, {asked[name]: camera for name, camera in cameras.items()}):
+        yield lambda name: own_view(working, asked[name])

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ...delivery.quilts import quilt_name
 from ...files import write_json
 from ...images.exr import read_channels, write_eye
+from ...images.multi_view import write_multi_view
 from ...jobs.memory import give_back_freed
-from ...jobs.work_folder import CONTACT_SHEET, SWEEP, VIEWS_FOLDER, views_files
+from ...jobs.work_folder import ALL_VIEWS, CONTACT_SHEET, HOLES_FOLDER, SWEEP, VIEWS_FOLDER, views_files
 from ...pipeline.many_views import render_many_views
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
@@ -25,10 +26,11 @@ from ...pipeline.views_maker import FinishedView, ViewsMaker
 from ...report.as_json import ABSENT, as_json
 from ...report.views_report import ViewReport, ViewsReport, view_report
 from ...settings.frame import StereoSettings
-from ...settings.views import ViewsSettings
+from ...settings.views import VIEWS_LAYOUTS, ViewsSettings
 from ...trace.costs import TraceCosts
 from ...words import Words
 from ..engines.views_renderer import ManyViewsRenderer
+from ..output.pictures import write_holes
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
 from ..scene.compositor import is_composited
 from ..scene.rendered import check_layers
@@ -72,13 +74,18 @@ def render_views_files(
     warning that is known before anything is rendered; the report has them too. Raises BadInputError and
     StereoReprojectError.
     """
-    folder = work / "out" / VIEWS_FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
-    report, kept = _render(scene, settings, views, _Places(work, folder), onlooker, warn)
+    in_one = views.layout == VIEWS_LAYOUTS[1]
+    places = _Places(work, (work if in_one else work / "out") / VIEWS_FOLDER, work / "out" / HOLES_FOLDER)
+    for folder in (places.views, places.holes):
+        folder.mkdir(parents=True, exist_ok=True)
+    report, kept = _render(scene, settings, views, places, onlooker, warn)
     onlooker.on_stage(Stage.WRITE)
     watch = Stopwatch()
     watch.lap(Stage.WRITE)
-    files = _write_pictures(scene, settings, views, kept.rig, work / "out")
+    files = _write_pictures(scene, settings, views, kept.rig, places)
+    if in_one:
+        named = zip(kept.rig.names, kept.rig.file_names, strict=True)
+        write_multi_view(work / "out" / ALL_VIEWS, {name: places.views / f"{file}.exr" for name, file in named})
     watch.lap()
     report = replace(report, seconds={Stage.LOAD.value: load_seconds, **report.seconds, **watch.seconds})
     if settings.compare:
@@ -91,10 +98,12 @@ def render_views_files(
 
 @dataclass(frozen=True)
 class _Places:
-    """Folders of a run: `work`, for what passes between the stages, and that of the views' files."""
+    """Folders of a run: `work`, for what passes between the stages, and those of the views' files and of the pictures
+    of their holes."""
 
     work: Path
     views: Path
+    holes: Path
 
 
 def _render(
@@ -134,6 +143,8 @@ def _render(
                     kept.add(view)
                 path = places.views / f"{files[view.name]}.exr"
                 write_eye(path, {layer: view.passes}, view=view.name, metadata=renderer.metadata)
+                if view.reasons is not None:
+                    write_holes(places.holes / f"{files[view.name]}.png", colour(view.passes), view.reasons)
                 watch.show(view.name, lambda: colour(view.passes))
 
             def costs() -> TraceCosts:
@@ -190,13 +201,12 @@ def views_warnings(scene: bpy.types.Scene) -> list[str]:
 
 
 def _write_pictures(
-    scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, rig: ViewRig, out: Path
+    scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, rig: ViewRig, places: _Places
 ) -> list[str]:
-    """Write the quilt, the contact sheet and the sweep of the views into the folder `out`; return the names of all
-    files there."""
-    frame, files = settings.scene.frame, dict(zip(rig.names, rig.file_names, strict=True))
-    pictures = ViewFiles(out / VIEWS_FOLDER, rig.file_names)
-    along = ViewFiles(out / VIEWS_FOLDER, [files[name] for name in rig.made])
+    """Write the quilt, the contact sheet and the sweep of the views; return the names of all files of the result."""
+    frame, out, files = settings.scene.frame, places.work / "out", dict(zip(rig.names, rig.file_names, strict=True))
+    pictures = ViewFiles(places.views, rig.file_names)
+    along = ViewFiles(places.views, [files[name] for name in rig.made])
     quilts: list[str] = []
     if views.columns is not None and views.rows is not None:
         height, width = pictures[0].shape[:2]
@@ -209,4 +219,5 @@ def _write_pictures(
             write_quilt(scene, in_quilt, views.columns, views.rows, out / quilt, frame=frame)
     write_contact_sheet(scene, pictures, rig.names, out / CONTACT_SHEET, frame=frame)
     write_sweep(scene, along, out / SWEEP, frame=frame)
-    return [*quilts, *views_files(rig.file_names)]
+    holes = [f"{HOLES_FOLDER}/{path.name}" for path in sorted(places.holes.iterdir())]
+    return [*quilts, *holes, *views_files(rig.file_names, views.layout)]

@@ -7,8 +7,9 @@ views. The working scene has copies of all of them.
 from __future__ import annotations
 
 import math
+import secrets
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
@@ -39,16 +40,20 @@ def copies_of_cameras(
     working: bpy.types.Scene, cameras: Mapping[str, bpy.types.Object]
 ) -> Iterator[Mapping[str, bpy.types.Object]]:
     """Have copies of the user's cameras in a working scene for the time of a `with` block; gives them by view name. The
-    first of them is the scene's camera then. Raises BadInputError for an engine or a camera that many views cannot be
-    rendered with."""
+    first of them is the scene's camera then, and Blender finds all of them by the views of these names.
+
+    Raises BadInputError for an engine or a camera that many views cannot be rendered with.
+    """
     for camera in cameras.values():
         check_views(camera, working.render.engine)
     # Vector is of one camera's motion; between views of one moment there is none.
     rendered_layer(working).use_pass_vector = False
+    stem = f"stereo_reproject {secrets.token_hex(4)} "
     with ExitStack() as copies:
         found = {}
         for name, camera in cameras.items():
             copy = found[name] = copy_of_camera(camera, SceneOverrides())
+            copy.name = f"{stem}{name}"
             copies.callback(_remove, copy.name, copy.data.name)
             # A property of the user's own may have the name of ours.
             copy.pop(KEPT_OBJECT, None)
@@ -56,8 +61,27 @@ def copies_of_cameras(
             stereo = copy.data.stereo
             # With this pivot the left eye is the camera itself.
             stereo.pivot, stereo.convergence_mode, stereo.use_spherical_stereo = "LEFT", "PARALLEL", False
+        _name_views(working.render, list(found))
         with changed(working, camera=next(iter(found.values()))):
             yield found
+
+
+def _name_views(render: bpy.types.RenderSettings, names: Sequence[str]) -> None:
+    """Give a working scene views of these names, each with its name as the end of its camera's."""
+    for name in names:
+        if name not in render.views:
+            render.views.new(name)
+    for view in render.views:
+        # Blender takes the longest suffix that the scene's camera ends with.
+        view.camera_suffix = view.name if view.name in names else ""
+
+
+@contextmanager
+def own_view(working: bpy.types.Scene, name: str) -> Iterator[str]:
+    """Have Blender render the view of this name by its own camera, for the time of a `with` block; gives the name.
+    Unlike another scene camera, it makes Blender work out nothing anew."""
+    with changed(working.render, views_format="MULTIVIEW"):
+        yield name
 
 
 def _remove(camera: str, data: str) -> None:
@@ -105,12 +129,13 @@ class SceneViewsRenderer(ManyViewsRenderer):
         self._unlike = _why_unlike(scene, list(cameras.values()))
         super().__init__(scene, folder, views, user_scene=user_scene, packed_by=packed_by)
 
+    def standing_at(self, view: str) -> AbstractContextManager[str]:
+        """Have Blender render the view of this name whole, as `ManyViewsRenderer.standing_at` says."""
+        return own_view(self.scene, view) if view in self._camera_names else nullcontext(view)
+
     @contextmanager
-    def standing_at(self, view: str) -> Iterator[str]:
-        """Have the scene look through the camera of the view of this name, as `ManyViewsRenderer.standing_at` says."""
-        if view not in self._camera_names:
-            yield view
-            return
+    def traced_at(self, view: str) -> Iterator[str]:
+        """Have the scene look through the camera of the view of this name, as `ManyViewsRenderer.traced_at` says."""
         # A portal's sheet hangs on the camera that it was made for, and stays there.
         hide_sheet(self.scene, self.cameras.values())
         with looking_through(self.scene, self._camera_names[view]) as eye:

@@ -63,6 +63,10 @@ class ManyViewsRenderer(BlenderRenderer, ABC):
         """Have the scene's camera stand as the view of this name for the time of a `with` block; gives the name of the
         eye that shows it."""
 
+    def traced_at(self, view: str) -> AbstractContextManager[str]:
+        """Have the scene's camera stand as this view to trace its pixels packed, as `standing_at` does."""
+        return self.standing_at(view)
+
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         """Return what `BlenderRenderer.fill_blockers` does; a card is no way for many views."""
         return {**super().fill_blockers(deepest), "card": ONE_VIEW_AT_A_TIME}
@@ -77,7 +81,7 @@ class ManyViewsRenderer(BlenderRenderer, ABC):
         renders: list[Rendered] = []
         answers: list[Passes] = []
         for request in requests:
-            with self.standing_at(request.view) as eye:
+            with self.traced_at(request.view) as eye:
                 of_eye = {**self.cameras, eye: self.cameras[request.view]}
                 asked = [replace(request, view=eye)]
                 done = trace_together(

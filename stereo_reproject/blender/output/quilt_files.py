@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...delivery.quilts import grid_for, quilt_bands
-from ...images.exr import in_halves, write_halves
+from ...images.exr import in_halves
+from ...images.exr_stream import StreamedPart, streamed_exr
 from ...images.png import write_png, write_png_bands
 from ...images.resizing import made_smaller
 from ..scene.working import changed
@@ -81,20 +82,19 @@ def write_quilt(
     """Write the quilt of views to `path`: as a PNG through the view transform that the scene has at `frame` (None: the
     present one), or as an EXR of half floats, scene-linear. metadata are texts for the file's header.
 
-    One row of views is held at a time, but for an EXR, of which all is held in half floats. Raises
-    StereoReprojectError.
+    One row of views is held at a time. Raises StereoReprojectError.
     """
     height, width = pictures[0].shape[:2]
     bands = quilt_bands(pictures, columns, rows)
+    size = columns * width, rows * height
     if path.suffix == ".exr":
-        quilt = np.empty((rows * height, columns * width, 4), np.float16)
-        for k, band in enumerate(bands):
-            quilt[k * height : (k + 1) * height] = in_halves(band)
-        write_halves(path, quilt, texts=metadata)
+        with streamed_exr(path, [StreamedPart("RGBA", texts=metadata)], size, np.float16) as stream:
+            for band in bands:
+                stream.write({letter: in_halves(band[..., k]) for k, letter in enumerate("RGBA")})
         return
     with tempfile.TemporaryDirectory() as folder, _at(scene, frame) as empty:
         shown = (_shown(empty, band, Path(folder)) for band in bands)
-        write_png_bands(path, (columns * width, rows * height), shown, texts=metadata)
+        write_png_bands(path, size, shown, texts=metadata)
 
 
 def write_contact_sheet(
@@ -129,8 +129,6 @@ def write_sweep(scene: bpy.types.Scene, pictures: Pictures, path: Path, *, frame
     held = max(round(SWEEP_SECONDS * MOVIE_FRAMES_PER_SECOND / len(order)), 1)
     rounds = math.ceil(MOVIE_SECONDS * MOVIE_FRAMES_PER_SECOND / (held * len(order)))
     width, height = _sweep_size(pictures[0])
-    # Blender asks several times in a row.
-    opaque = lru_cache(maxsize=2)(lambda k: _opaque(_resized(pictures[k], width, height)))
     frames = range(1, 1 + rounds * held * len(order))
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -140,6 +138,8 @@ def write_sweep(scene: bpy.types.Scene, pictures: Pictures, path: Path, *, frame
         copy.render.fps, copy.render.fps_base = MOVIE_FRAMES_PER_SECOND, 1.0
         ffmpeg = copy.render.ffmpeg
         ffmpeg.codec, ffmpeg.audio_codec, ffmpeg.constant_rate_factor = "H264", "NONE", "HIGH"
+        # Blender asks several times in a row.
+        opaque = lru_cache(maxsize=2)(lambda k: _opaque(_resized_once(pictures, k, (width, height), Path(folder))))
         out = Path(folder) / "encoded"
         deliver_movie(copy, lambda frame: opaque(order[(frame - 1) // held % len(order)]), out, frames=frames)
         shutil.move(only_file(out), path)
@@ -169,6 +169,15 @@ def _opaque(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 def _resized(picture: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
     """Return a picture (H, W, 4) made smaller to this size; one that has it already as it is."""
     return picture if picture.shape[:2] == (height, width) else made_smaller(picture, width, height)
+
+
+def _resized_once(pictures: Pictures, number: int, size: tuple[int, int], folder: Path) -> NDArray[np.float32]:
+    """Return a picture (H, W, 4) made smaller to this size, (width, height). It is made but once: the folder keeps it,
+    in half floats."""
+    path = folder / f"{number}.npy"
+    if not path.exists():
+        np.save(path, in_halves(_resized(pictures[number], *size)))
+    return np.load(path).astype(np.float32)
 
 
 def _sheet_picture_size(scene: bpy.types.Scene, picture: NDArray[np.float32], columns: int) -> tuple[int, int]:
