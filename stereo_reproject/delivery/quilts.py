@@ -42,8 +42,8 @@ def grid_for(count: int) -> tuple[int, int]:
     return min(grids, key=lambda grid: (grid[0] * grid[1], grid[0]))
 
 
-BAND_PIXELS = 1 << 21
-"""Pixels of a quilt that are put together at once: 32 MB in single precision."""
+BAND_PIXELS = 1 << 20
+"""Pixels of a quilt that are put together at once: 16 MB in single precision."""
 
 
 def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> Iterator[NDArray[Any]]:
@@ -61,6 +61,8 @@ def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> It
         step = max(BAND_PIXELS // (columns * empty.shape[1]), 1)
         for top in range(0, empty.shape[0], step):
             yield np.concatenate([picture[top : top + step] for picture in in_row], axis=1)
+        # Before the next row is asked for.
+        del in_row
 
 
 def assemble_quilt(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> NDArray[Any]:

@@ -188,14 +188,24 @@ def test_views_have_a_folder_of_their_own(tmp_path):
 
 def test_views_and_quilts_of_an_earlier_run_do_not_stand_beside_new_ones(tmp_path):
     work, output = tmp_path / "work", tmp_path / "out"
-    old = ("views/view_01.exr", "views/view_07.exr", "quilt_qs8x6a0.75.png", "quilt_qs8x6a0.75.exr")
+    old = (
+        "views/view_01.exr",
+        "views/view_07.exr",
+        "views/far right.exr",
+        "views.exr",
+        "holes/view_07.png",
+        "quilt_qs8x6a0.75.png",
+        "quilt_qs8x6a0.75.exr",
+    )
     mine = ("views/mine.exr", "my_quilt_qs8x6a0.75.png", "views/view_07.exr.txt")
-    (output / "views").mkdir(parents=True)
+    for folder in ("views", "holes"):
+        (output / folder).mkdir(parents=True)
     for name in (*old, *mine):
         (output / name).write_text("old")
     files = rendered_views(work, output, 2)
     assert views_superseded_by(output, files) == (), "no report says that they are ours"
-    (output / "report.json").write_text(json.dumps({"files": [*old, *mine, "../elsewhere.exr", 3]}))
+    told = [*old, *mine[1:], "../elsewhere.exr", "views/../elsewhere.exr", 3]
+    (output / "report.json").write_text(json.dumps({"files": told}))
     superseded = views_superseded_by(output, files)
     assert sorted(superseded) == sorted(old[1:])
     publish(work, output, files, superseded=superseded, between_steps=lambda: None)
