@@ -74,7 +74,7 @@ class ExrStream:
         file.write(bytes(8 * blocks * len(parts)))
         self._offsets: list[list[int]] = [[] for _ in parts]
         width = size[0]
-        self._left = [np.empty((0, len(part.channels), width), self._dtype) for part in parts]
+        self._left: list[NDArray] = [np.empty((0, len(part.channels), width), self._dtype) for part in parts]
         """Rows of each part that do not yet fill a block."""
 
     def write(self, channels: Mapping[str, NDArray], part: int = 0) -> None:

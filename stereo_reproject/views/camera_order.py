@@ -80,4 +80,4 @@ def _directions(cameras: Sequence[PerspectiveCamera]) -> NDArray[np.float64]:
 
 def _rightwards(cameras: Sequence[PerspectiveCamera]) -> NDArray[np.float64]:
     """Return the mean direction in the world that is to the right in the cameras' pictures (3,)."""
-    return np.mean([camera.world_from_camera[:3, 0] for camera in cameras], axis=0)
+    return np.array([camera.world_from_camera[:3, 0] for camera in cameras], np.float64).mean(axis=0)

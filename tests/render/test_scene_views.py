@@ -138,6 +138,8 @@ def test_all_views_in_one_file(tmp_path):
     assert "views.exr" in files
     assert not any(name.startswith("views/") for name in files)
     image = bpy.data.images.load(str(out / "views.exr"))
+    # Asked for its size, Blender opens it.
+    assert len(image.size) == 2
     assert (image.type, image.is_multiview) == ("MULTILAYER", True)
 
 

@@ -1,4 +1,4 @@
-"""Where the cameras of many views stand: side by side before the scene's camera, or where the scene has them."""
+"""The cameras of many views: side by side before the scene's camera, or where the scene has them."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ...settings.frame import SceneOverrides
 from ...views.camera import PerspectiveCamera, target_from_source
@@ -182,7 +183,8 @@ def _is_rigid(scene: bpy.types.Scene, cameras: Sequence[bpy.types.Object]) -> bo
     return all(bool(np.all(np.abs(now - first) <= SAME_PLACE * units)) for now in later)
 
 
-def _seen_from(first: PerspectiveCamera, camera: PerspectiveCamera) -> list[float]:
-    """Return the place of a camera and its directions in another one's space, and its view plane, as numbers."""
+def _seen_from(first: PerspectiveCamera, camera: PerspectiveCamera) -> NDArray[np.floating]:
+    """Return the place of a camera and its directions in another one's space, and its view plane, as numbers (16,)."""
     pose, plane = target_from_source(camera, first), camera.plane
-    return [*pose[:3, 3], *pose[:3, :3].ravel(), plane.left, plane.right, plane.bottom, plane.top]
+    sides = (plane.left, plane.right, plane.bottom, plane.top)
+    return np.concatenate([pose[:3, 3], pose[:3, :3].ravel(), sides])
