@@ -370,7 +370,7 @@ def test_views_are_delivered_with_their_quilt_and_said_in_short(place, capsys):
     assert found == {name: f"new {name}".encode() for name in names[:-1]}
     printed = capsys.readouterr().out
     assert "12 views" in printed
-    shown = f"{', '.join(quilts)}, {views[0]} to {views[-1]}, contact.png, sweep.mp4, report.json"
+    shown = f"{', '.join(quilts[::-1])}, {views[0]} to {views[-1]}, contact.png, sweep.mp4, report.json"
     assert printed.endswith(f"  {shown}\n")
 
 

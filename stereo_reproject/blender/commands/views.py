@@ -219,5 +219,5 @@ def _write_pictures(
             write_quilt(scene, in_quilt, views.columns, views.rows, out / quilt, frame=frame)
     write_contact_sheet(scene, pictures, rig.names, out / CONTACT_SHEET, frame=frame)
     write_sweep(scene, along, out / SWEEP, frame=frame)
-    holes = [f"{HOLES_FOLDER}/{path.name}" for path in sorted(places.holes.iterdir())]
+    holes = [f"{HOLES_FOLDER}/{name}.png" for name in rig.file_names if (places.holes / f"{name}.png").exists()]
     return [*quilts, *holes, *views_files(rig.file_names, views.layout)]
