@@ -21,7 +21,8 @@ from stereo_reproject.pipeline.view_plan import ViewCosts
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
 from stereo_reproject.trace.requests import TraceRequest
-from tests.blender.toolbox import rms
+from tests.blender.snapshot import everything
+from tests.blender.toolbox import add_compositor, rms
 from tests.render.test_fill import NOISE, defocus, lens_shift, shader_that_knows_the_camera
 from tests.render.test_trace_requests import small_studio
 
@@ -158,6 +159,35 @@ def test_holes_of_made_views_are_shown_and_told(tmp_path, monkeypatch):
     for view in made:
         assert set(view["from"]) <= set(LINE)
         assert read_png(tmp_path / "out" / "holes" / f"{view['name']}.png").shape[1] == 160
+
+
+def darker(scene):
+    """Have the scene's compositor halve the picture."""
+    tree, layers, output = add_compositor(scene)
+    layers.layer = scene.view_layers[0].name
+    dark = tree.nodes.new("CompositorNodeExposure")
+    dark.inputs["Exposure"].default_value = -1.0
+    tree.links.new(layers.outputs["Image"], dark.inputs["Image"])
+    tree.links.new(dark.outputs["Image"], output)
+    scene.render.use_compositing = True
+    # Set once, it has a colour space, as after any other choice of a format.
+    scene.render.image_settings.file_format = "PNG"
+
+
+def test_pictures_show_views_after_the_compositor(tmp_path):
+    scene = with_views(small_studio(tmp_path, darker))
+    views = ViewsSettings(0, from_scene=True, columns=2, rows=2)
+    settings = StereoSettings(scene=SceneOverrides(size=(64, 48), samples=2, denoise=False))
+    before = everything()
+    report, files = render_views_files(scene, settings, views, tmp_path)
+    assert everything() == before
+    assert not any("compositor" in line for line in report["warnings"])
+    out = tmp_path / "out"
+    assert sorted(files) == sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
+    quilt = read_channels(out / next(name for name in files if name.endswith(".exr")))
+    view = read_channels(out / "views" / "left.exr")
+    assert view["R"].max() > 0.1
+    np.testing.assert_allclose(quilt["R"][48:, :64], 0.5 * view["R"], rtol=1e-3, atol=1e-4)
 
 
 def no_multiview(scene):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...delivery.quilts import quilt_name
 from ...files import write_json
-from ...images.exr import read_channels, write_eye
+from ...images.exr import read_channels, read_eye, read_metadata, write_eye
 from ...images.multi_view import write_multi_view
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import ALL_VIEWS, CONTACT_SHEET, HOLES_FOLDER, SWEEP, VIEWS_FOLDER, views_files
@@ -30,9 +30,10 @@ from ...settings.views import VIEWS_LAYOUTS, ViewsSettings
 from ...trace.costs import TraceCosts
 from ...words import Words
 from ..engines.views_renderer import ManyViewsRenderer
+from ..output.delivery import deliver_composited_view
 from ..output.pictures import write_holes
 from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
-from ..scene.compositor import is_composited
+from ..scene.compositor import file_outputs, gives_a_picture, is_composited
 from ..scene.rendered import check_layers
 from ..scene.warnings import scene_warnings
 from ..scene.working import working_scene
@@ -195,9 +196,29 @@ def views_warnings(scene: bpy.types.Scene) -> list[str]:
         warnings.append(Words("only the view layer {layer} is rendered in many views", layer=repr(layers[0])))
     if scene.view_layers[layers[0]].use_pass_vector:
         warnings.append(Words("many views have no Vector pass"))
-    if is_composited(scene):
-        warnings.append(Words("the compositor is not run on many views"))
+    if is_composited(scene) and not runs_compositor(scene):
+        warnings.append(Words("the compositor is not run on many views of several view layers, or without a picture"))
+    elif runs_compositor(scene) and any(not node.mute for node in file_outputs(scene)):
+        warnings.append(Words("File Output nodes write nothing of many views"))
     return warnings
+
+
+def runs_compositor(scene: bpy.types.Scene) -> bool:
+    """Return whether pictures of many views show them as they are after the scene's compositor: not where it gives no
+    picture, or shows view layers that many views do not have."""
+    return is_composited(scene) and gives_a_picture(scene) and len(check_layers(scene)) == 1
+
+
+def _composited(scene: bpy.types.Scene, rig: ViewRig, places: _Places, frame: int | None) -> Path:
+    """Return the folder of the views' files as pictures show them: after the scene's compositor, where it is run."""
+    if not runs_compositor(scene):
+        return places.views
+    folder = places.work / "composited"
+    folder.mkdir(exist_ok=True)
+    for name in rig.file_names:
+        path = places.views / f"{name}.exr"
+        deliver_composited_view(scene, read_eye(path), folder / path.name, frame=frame, metadata=read_metadata(path))
+    return folder
 
 
 def _write_pictures(
@@ -205,8 +226,8 @@ def _write_pictures(
 ) -> list[str]:
     """Write the quilt, the contact sheet and the sweep of the views; return the names of all files of the result."""
     frame, out, files = settings.scene.frame, places.work / "out", dict(zip(rig.names, rig.file_names, strict=True))
-    pictures = ViewFiles(places.views, rig.file_names)
-    along = ViewFiles(places.views, [files[name] for name in rig.made])
+    folder = _composited(scene, rig, places, frame)
+    pictures, along = ViewFiles(folder, rig.file_names), ViewFiles(folder, [files[name] for name in rig.made])
     quilts: list[str] = []
     if views.columns is not None and views.rows is not None:
         height, width = pictures[0].shape[:2]

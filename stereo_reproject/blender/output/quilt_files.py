@@ -1,8 +1,8 @@
 """Files that show many views of one frame: their quilt, a sheet of small pictures, and a movie that goes from the
 leftmost camera to the rightmost and back.
 
-Pictures go through the scene's view transform, as a pair's do; its compositor is not run, since it would need all
-passes of each view. Displays know no transparency, so that PNGs and movies show views over black.
+Pictures go through the scene's view transform, as a pair's do. Displays know no transparency, so that PNGs and movies
+show views over black.
 """
 
 from __future__ import annotations
