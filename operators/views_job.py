@@ -40,4 +40,4 @@ class ViewsJob(BackgroundJob):
     ) -> None:
         self.views, self.output = views, output
         progress = ViewsProgress(views.count)
-        super().__init__(scene, settings, "views", views_files(views), progress, pictures=pictures)
+        super().__init__(scene, settings, "views", views_files(views.names), progress, pictures=pictures)

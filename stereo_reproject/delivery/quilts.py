@@ -87,10 +87,14 @@ def grid_for(count: int) -> tuple[int, int]:
     return min(grids, key=lambda grid: (grid[0] * grid[1], grid[0]))
 
 
-def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> Iterator[NDArray[Any]]:
-    """Yield a quilt from its top to its bottom in bands (H, columns * W, C), each with one row of views.
+BAND_PIXELS = 1 << 20
+"""Pixels of a quilt that are put together at once: 16 MB in single precision."""
 
-    pictures are the views (H, W, C), all of one size, at most columns * rows of them; only those of one band are asked
+
+def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> Iterator[NDArray[Any]]:
+    """Yield a quilt from its top to its bottom in bands (h, columns * W, C), each of one row of views or a part of it.
+
+    pictures are the views (H, W, C), all of one size, at most columns * rows of them; only those of one row are asked
     for at a time, so that a sequence may read them from files. Places without a view are 0, in alpha too.
     """
     import numpy as np
@@ -98,7 +102,12 @@ def quilt_bands(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> It
     empty = np.zeros_like(pictures[0])
     for row in reversed(range(rows)):
         places = range(row * columns, (row + 1) * columns)
-        yield np.concatenate([pictures[k] if k < len(pictures) else empty for k in places], axis=1)
+        in_row = [pictures[k] if k < len(pictures) else empty for k in places]
+        step = max(BAND_PIXELS // (columns * empty.shape[1]), 1)
+        for top in range(0, empty.shape[0], step):
+            yield np.concatenate([picture[top : top + step] for picture in in_row], axis=1)
+        # Before the next row is asked for.
+        del in_row
 
 
 def assemble_quilt(pictures: Sequence[NDArray[Any]], columns: int, rows: int) -> NDArray[Any]:

@@ -128,9 +128,9 @@ def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
         return None, ""
     pass_name, _, letter = name[len(layer) + 1 :].rpartition(".")
     bare, _, suffix = pass_name.rpartition(".")
-    if suffix not in VIEWS:
-        return pass_name, letter
-    return (bare, letter) if suffix == view else (None, letter)
+    if suffix == view:
+        return bare, letter
+    return (None if suffix in VIEWS else pass_name), letter
 
 
 def _stack(channels: Mapping[str, NDArray]) -> NDArray[np.float32]:
@@ -193,6 +193,17 @@ def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
             Words("{name} is not whole: {reason}; is the disk full?", name=path.name, reason=str(error))
         ) from error
     return {name: np.asarray(channel.pixels, np.float32) for name, channel in part.channels.items()}
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Return the header of a file of one part, with its channels by name. Raises BadInputError when it is not whole."""
+    try:
+        header = _openexr().File(str(path), header_only=True).header()
+    except (OSError, RuntimeError) as error:
+        raise BadInputError(
+            Words("{name} is not whole: {reason}; is the disk full?", name=path.name, reason=str(error))
+        ) from error
+    return {**header, "channels": {channel.name: channel for channel in header["channels"]}}
 
 
 def write_eye(

@@ -31,7 +31,7 @@ from typing import Any
 from ..delivery.quilts import QUILT_FILE
 from ..errors import BadInputError, StereoReprojectError
 from ..files import flush, flush_folder, is_missing, leads_elsewhere, put_in_place, read_small
-from ..settings.views import ViewsSettings
+from ..settings.views import VIEWS_LAYOUTS
 from ..words import Words
 from .plain_paths import plain_path
 
@@ -83,18 +83,26 @@ CONTACT_SHEET = "contact.png"
 SWEEP = "sweep.mp4"
 """Names of the files that show many views: beside each other, and one after the other."""
 
-_VIEW_FILE = re.compile(rf"{VIEWS_FOLDER}/view_\d{{2,3}}\.exr")
+ALL_VIEWS = "views.exr"
+"""Name of the file that has all views, where they are stored in one."""
+
+HOLES_FOLDER = "holes"
+"""Name of the folder beside that of the views that has a picture of the traced pixels of each view that was made."""
+
+_VIEW_FILE = re.compile(rf"{VIEWS_FOLDER}/[^/\\]+\.exr|{HOLES_FOLDER}/[^/\\]+\.png|{re.escape(ALL_VIEWS)}")
 
 
-def views_files(views: ViewsSettings) -> tuple[str, ...]:
-    """Return the names of the files of many views, the report last, but for those of the quilt: only the rendered
-    pictures tell the aspect that its name has."""
-    return (*(f"{VIEWS_FOLDER}/{name}.exr" for name in views.names), CONTACT_SHEET, SWEEP, FILES[-1])
+def views_files(names: Sequence[str], layout: str = VIEWS_LAYOUTS[0]) -> tuple[str, ...]:
+    """Return the names of the files of many views, the report last, but for those that only the render tells: the
+    aspect in the name of the quilt, and which views were made. names are those of the views' files, without an
+    extension; empty as long as only the scene tells them. layout is one of `VIEWS_LAYOUTS`."""
+    each = tuple(f"{VIEWS_FOLDER}/{name}.exr" for name in names) if layout == VIEWS_LAYOUTS[0] else (ALL_VIEWS,)
+    return (*each, CONTACT_SHEET, SWEEP, FILES[-1])
 
 
 def views_superseded_by(output: Path, files: Sequence[str]) -> tuple[str, ...]:
     """Return the names of files in the folder `output` that an earlier run of other views left there, by its report,
-    and that one with these `files` does not have: its quilts, and views of higher numbers. Files of the same names that
+    and that one with these `files` does not have: its quilts, views and holes. Files of the same names that
     no report there tells of are others'."""
     found = [
         name for name in _files_told(output / FILES[-1]) if QUILT_FILE.fullmatch(name) or _VIEW_FILE.fullmatch(name)

@@ -133,7 +133,7 @@ def _account_of(task: FrameTask, warped: WarpedSource, done: Completed, finished
     total = sum(seconds for stage, seconds in task.watch.seconds.items() if stage not in OUTSIDE_TOTAL)
     seconds = {**task.watch.seconds, "total": total}
     reprojection, planner = done.warped.reprojection, done.warped.planner
-    reasons = _all_reasons(reprojection.reasons, target)
+    reasons = all_reasons(reprojection.reasons, target)
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN_EFFECTS)
     evidence = None if refinement.whole else refinement.evidence
     spent = effect_costs(task.renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
@@ -142,7 +142,7 @@ def _account_of(task: FrameTask, warped: WarpedSource, done: Completed, finished
     return _Account(total, reasons, spent, cost_of(warped.better, completed, seconds))
 
 
-def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:
+def all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:
     """Return the warp's reasons (H, W), with PROBE and REFINED added for the target's probes and refined tiles."""
     result = reasons.copy()
     probes = target.any_of(Provenance.PROBE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..estimate.noise_ratio import Estimate
 from ..estimate.shared_noise import NoiseOrigins, origins_of_made, origins_of_render
-from ..estimate.target import Provenance
+from ..estimate.target import Provenance, Target
 from ..estimate.tracing import ProbedTracing
 from ..images.depth_pass import with_depth_pass
 from ..images.passes import COLOUR_PASS, Passes, without_internal_passes
@@ -21,7 +21,7 @@ from ..trace.costs import TraceCosts
 from ..trace.fill import FillChoice, SourceCost
 from ..trace.requests import run_together
 from ..views.view import View
-from .finishing import Completed, composited, denoised
+from .finishing import Completed, all_reasons, composited, denoised
 from .fresh import FreshPixels
 from .renderer import Renderer
 from .shared_findings import SharedFindings
@@ -43,7 +43,9 @@ class FinishedView:
     number is its place in the order of the views. passes (H, W, C) are those that users get. sources are the names of
     the views that it was made from, none for a view that was rendered whole. traced (H, W) are the pixels that were
     traced. variance_share (H, W) is the variance of each pixel as a share of a plain render's. estimate is that of the
-    error, None where nothing was probed. origins are those of its noise, None in a denoised picture.
+    error, None where nothing was probed. origins are those of its noise, None in a denoised picture. Of a made view,
+    reasons (H, W) are the `Reason` flags of its pixels, and shown_from is the share of all pixels, 0 to 1, that each of
+    its sources shows, by name.
     """
 
     number: int
@@ -54,6 +56,8 @@ class FinishedView:
     variance_share: NDArray[np.float32]
     estimate: Estimate | None = None
     origins: NoiseOrigins | None = None
+    reasons: NDArray[np.uint16] | None = None
+    shown_from: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -175,4 +179,14 @@ class ViewsMaker:
         self.finish_seconds = time.perf_counter() - start
         passes = with_depth_pass(without_internal_passes(finished.passes), view.camera)
         names, estimate = tuple(source.name for source in sources), done.refinement.estimate
-        self.on_view(FinishedView(number, view.name, passes, names, done.target.traced, share, estimate, origins))
+        reprojection, target = done.warped.reprojection, done.target
+        reasons, shown = all_reasons(reprojection.reasons, target), _shown_from(names, reprojection.warp.source, target)
+        self.on_view(
+            FinishedView(number, view.name, passes, names, target.traced, share, estimate, origins, reasons, shown)
+        )
+
+
+def _shown_from(names: Sequence[str], source: NDArray[np.integer], target: Target) -> dict[str, float]:
+    """Return the share of all pixels that each of these views shows; source (H, W) is the number of each pixel's view
+    among them, and the pixels of `target` that were traced are of none."""
+    return {name: float(np.mean(target.warped & (source == number))) for number, name in enumerate(names)}

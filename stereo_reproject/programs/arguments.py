@@ -31,6 +31,7 @@ from ..settings.views import (
     DEFAULT_COUNT,
     MAX_COUNT,
     MIN_COUNT,
+    VIEWS_LAYOUTS,
     ViewsSettings,
     read_quilt,
     views_settings,
@@ -179,6 +180,12 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
     if arguments.frames is not None:
         if arguments.compare:
             raise BadInputError("--compare is of one frame: leave it out with --frames, or name one frame by --frame")
+        if arguments.from_scene:
+            raise BadInputError(
+                "--from-scene is of one frame: leave it out with --frames, or name one frame by --frame"
+            )
+        if arguments.layout != VIEWS_LAYOUTS[0]:
+            raise BadInputError("views of several frames are stored in a file each: leave --layout out with --frames")
         return
     given = {
         "--resume": arguments.resume,
@@ -193,6 +200,21 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
 
 def views_of(arguments: argparse.Namespace) -> ViewsSettings:
     """Return the settings of many views from the parsed command-line options. Raises BadInputError."""
+    if arguments.from_scene:
+        columns, rows = arguments.quilt or (None, None)
+        return ViewsSettings(
+            arguments.views or 0,
+            arguments.cone,
+            arguments.baseline,
+            arguments.focus,
+            columns,
+            rows,
+            arguments.aspect,
+            arguments.display,
+            from_scene=True,
+            fresh=arguments.fresh,
+            layout=arguments.layout,
+        )
     views = views_settings(
         display=arguments.display,
         count=arguments.views,
@@ -202,7 +224,7 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         quilt=arguments.quilt,
         aspect=arguments.aspect,
     )
-    return replace(views, fresh=arguments.fresh)
+    return replace(views, fresh=arguments.fresh, layout=arguments.layout)
 
 
 def add_views_arguments(parser: argparse.ArgumentParser) -> None:
@@ -265,6 +287,11 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
         help="the light-field display that the views are for, which says their number, cone, quilt, aspect and size: "
         f"{', '.join(DISPLAYS)}",
     )
+    parser.add_argument(
+        "--from-scene",
+        action="store_true",
+        help="the scene's own views, by cameras of their own anywhere: Output > Stereoscopy > Multi-View",
+    )
     group: Any = parser
     add("--views", "N", "count", whole_number, f"number of views, {MIN_COUNT} to {MAX_COUNT} ({DEFAULT_COUNT})")
     group = parser.add_mutually_exclusive_group()
@@ -279,6 +306,13 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
         metavar="COLUMNSxROWS",
         type=read_by(read_quilt),
         help="grid of the quilt, the picture of all views; without it one that suits their number (8x6)",
+    )
+    parser.add_argument(
+        "--layout",
+        type=str.lower,
+        choices=VIEWS_LAYOUTS,
+        default=VIEWS_LAYOUTS[0],
+        help="how views are stored: individual, an EXR for each, or multi-view, one EXR of all (%(default)s)",
     )
     aspect = "width of the display over its height, where the pixels of a view are not square; such as 1.7778"
     add("--aspect", "RATIO", "aspect", number, aspect)

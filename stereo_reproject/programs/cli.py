@@ -16,13 +16,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..delivery.quilts import QUILT_FILE
 from ..errors import BadInputError, StereoReprojectError
 from ..files import to_json
 from ..jobs.console import PROGRAM, Console
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import Event, Job, run_worker
-from ..jobs.work_folder import CUTOUTS, VIEWS_FOLDER, pair_files, views_files, with_cutouts
+from ..jobs.work_folder import CUTOUTS, pair_files, views_files, with_cutouts
 from ..report.inspection import format_inspection
 from ..report.table import format_report_table
 from ..report.views_table import format_views_table
@@ -123,7 +122,7 @@ def _views(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     views = views_of(arguments)
     check_frames_of_views(arguments)
     arguments.size = arguments.size or views.view_size
-    files = views_files(views) if arguments.frames is None else ()
+    files = views_files(views.names, views.layout) if arguments.frames is None else ()
     job = _scene_job(arguments, settings_of(arguments), command="views", views=views, files=files)
     if arguments.frames is not None:
         return _run_frames(job, arguments, console, host)
@@ -150,18 +149,18 @@ def _run(
     report = _have_done(job, console, host, console.on_event)
     console.show(table(report))
     assert job.output is not None
-    console.show(f"files         {job.output}{os.sep}\n  {', '.join(_shown_files(job, job.output))}")
+    console.show(f"files         {job.output}{os.sep}\n  {', '.join(_shown_files(job, report, job.output))}")
     return 0
 
 
-def _shown_files(job: Job, output: Path) -> Sequence[str]:
-    """Return the names of the files that a finished job has put into the folder `output`, as they are printed."""
+def _shown_files(job: Job, report: Mapping[str, Any], output: Path) -> Sequence[str]:
+    """Return the names of the files that a finished job has put into the folder `output`, as they are printed: of each
+    folder's only the first and the last."""
     if job.views is not None:
-        # Of an earlier run's quilts none is there any more.
-        quilts = sorted(path.name for path in output.iterdir() if QUILT_FILE.fullmatch(path.name))
-        first, last = (f"{VIEWS_FOLDER}/{job.views.names[k]}.exr" for k in (0, -1))
-        rest = [name for name in job.files if not name.startswith(f"{VIEWS_FOLDER}/")]
-        return [*quilts, f"{first} to {last}", *rest]
+        shown: dict[str, list[str]] = {}
+        for name in report["files"]:
+            shown.setdefault(name.rpartition("/")[0] or name, []).append(name)
+        return [names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}" for names in shown.values()]
     return with_cutouts(job.files, cutouts=job.command == "render" and (output / CUTOUTS).is_file())
 
 

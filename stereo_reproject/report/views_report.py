@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from .views_table import MADE, RENDERED
 class ViewReport:
     """One view: its name, `how` it came to be (`RENDERED` or `MADE`), the names of the views that it was made from, and
     the share of its pixels that was traced, 0 to 1. honest_ratio is the estimate of its error and interval that of its
-    95 % ends, None where nothing was probed."""
+    95 % ends, None where nothing was probed. shown_from has the share of its pixels that each of those views shows, by
+    name. camera is the name of its own camera in the scene, where it has one."""
 
     name: str
     how: str
@@ -29,6 +30,8 @@ class ViewReport:
     traced: float
     honest_ratio: float | None
     interval: tuple[float, float] | None
+    shown_from: Mapping[str, float] = field(default_factory=dict)
+    camera: str | Absent = ABSENT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,14 +93,15 @@ class ViewsReport(PictureHeader):
     """The report of many views of one frame; size is that of a view.
 
     cone_degrees is the angle between the outermost cameras, baseline the distance between them and focus_distance that
-    of the plane that all views show alike, in scene units. plan has a line for each decision on the way. seconds are by
-    stage and in total. predicted_speedup is over rendering each view plainly. neighbours is None where pictures are
-    denoised; fresh is absent where nothing was to be traced anew. files are the names of all files of the result.
+    of the plane that all views show alike, in scene units; cameras that the scene places have none. plan has a line for
+    each decision on the way. seconds are by stage and in total. predicted_speedup is over rendering each view plainly.
+    neighbours is None where pictures are denoised; fresh is absent where nothing was to be traced anew. files are the
+    names of all files of the result.
     """
 
-    cone_degrees: float
-    baseline: float
-    focus_distance: float
+    cone_degrees: float | Absent = ABSENT
+    baseline: float | Absent = ABSENT
+    focus_distance: float | Absent = ABSENT
     display: str | None
     views: tuple[ViewReport, ...]
     plan: tuple[str, ...]
@@ -123,6 +127,7 @@ def view_report(view: FinishedView) -> ViewReport:
         traced=float(np.mean(view.traced)),
         honest_ratio=None if told is None else told.honest_ratio,
         interval=ends if ends is not None and all(map(math.isfinite, ends)) else None,
+        shown_from=view.shown_from,
     )
 
 

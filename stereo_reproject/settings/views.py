@@ -10,7 +10,7 @@ from ..delivery.displays import DISPLAYS, display_of
 from ..delivery.quilts import grid_for
 from ..errors import BadInputError
 from ..words import Words
-from .checks import check_float, check_int
+from .checks import check_choice, check_float, check_int
 
 MIN_COUNT, MAX_COUNT = 2, 256
 DEFAULT_COUNT = 48
@@ -19,6 +19,9 @@ DEFAULT_CONE_DEGREES = 40.0
 
 MAX_CONE_DEGREES = 180.0
 """The angle that a cone of cameras on a straight line stays below."""
+
+VIEWS_LAYOUTS = "individual", "multi-view"
+"""Ways to store views: in a file for each, or in one."""
 
 ASPECTS = 0.01, 100.0
 """Least and greatest width of a display over its height. Blender's pixels can be 200 times as wide as high."""
@@ -38,6 +41,11 @@ class ViewsSettings:
     square. display is a name in `delivery.displays.DISPLAYS` that the others were taken from, None without one.
 
     fresh is the share, 0 to 1, of the pixels of each made view that is traced anew though the warp has an answer.
+
+    With from_scene the views are the scene's own, by cameras of their own: count is 0, and nothing else says how many
+    they are and where they stand.
+
+    layout is one of `VIEWS_LAYOUTS`: a file for each view, or one multi-view EXR of all.
     """
 
     count: int
@@ -49,8 +57,14 @@ class ViewsSettings:
     aspect: float | None = None
     display: str | None = None
     fresh: float = 0.0
+    from_scene: bool = False
+    layout: str = VIEWS_LAYOUTS[0]
 
     def __post_init__(self) -> None:
+        check_choice("the layout", self.layout, VIEWS_LAYOUTS)
+        if self.from_scene:
+            self._check_from_scene()
+            return
         if self.count is None:
             raise BadInputError("the number of views must be given")
         check_int("the number of views", self.count, MIN_COUNT, MAX_COUNT)
@@ -67,12 +81,7 @@ class ViewsSettings:
                 check_float(name, value, 0.0, above=True)
         self._check_quilt()
         self._check_fresh()
-        if self.aspect is not None:
-            check_float("the aspect", self.aspect, ASPECTS[0])
-            if self.aspect > ASPECTS[1]:
-                raise BadInputError(
-                    Words("the aspect must be at most {most}, not {aspect}", most=100, aspect=f"{self.aspect:g}")
-                )
+        self._check_aspect()
         if self.display is not None:
             display_of(self.display)
 
@@ -83,6 +92,27 @@ class ViewsSettings:
             message = "the fresh share must be at most {most}, not {fresh}"
             raise BadInputError(Words(message, most=1, fresh=f"{self.fresh:g}"))
 
+    def _check_from_scene(self) -> None:
+        """Check the settings of the scene's own views. Raises BadInputError."""
+        said = (self.cone_degrees, self.baseline, self.focus_distance, self.display)
+        if self.count or any(value is not None for value in said):
+            raise BadInputError(
+                "the scene's own views are as many as it has, where its cameras stand: leave --views, --cone,"
+                " --baseline, --focus and --display out"
+            )
+        self._check_quilt()
+        self._check_fresh()
+        self._check_aspect()
+
+    def _check_aspect(self) -> None:
+        if self.aspect is None:
+            return
+        check_float("the aspect", self.aspect, ASPECTS[0])
+        if self.aspect > ASPECTS[1]:
+            raise BadInputError(
+                Words("the aspect must be at most {most}, not {aspect}", most=100, aspect=f"{self.aspect:g}")
+            )
+
     def _check_quilt(self) -> None:
         """Raise BadInputError unless there is no quilt, or one with a place for each view."""
         if (self.columns is None) != (self.rows is None):
@@ -91,20 +121,25 @@ class ViewsSettings:
             return
         check_int("the quilt's columns", self.columns, 1, MAX_COUNT)
         check_int("the quilt's rows", self.rows, 1, MAX_COUNT)
-        if self.columns * self.rows < self.count:
-            raise BadInputError(
-                Words(
-                    "a quilt of {columns} x {rows} must have a place for each of the {count} views",
-                    columns=self.columns,
-                    rows=self.rows,
-                    count=self.count,
-                )
+        self.check_places(self.count)
+
+    def check_places(self, count: int) -> None:
+        """Raise BadInputError where the quilt, if there is one, has fewer places than there are views."""
+        if self.columns is None or self.rows is None or self.columns * self.rows >= count:
+            return
+        raise BadInputError(
+            Words(
+                "a quilt of {columns} x {rows} must have a place for each of the {count} views",
+                columns=self.columns,
+                rows=self.rows,
+                count=count,
             )
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the views, as `view_names` has them."""
-        return view_names(self.count)
+        """The names of the views, as `view_names` has them; none of the scene's own, which it alone tells."""
+        return () if self.from_scene else view_names(self.count)
 
     @property
     def view_size(self) -> tuple[int, int] | None:

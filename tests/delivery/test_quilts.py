@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from stereo_reproject.delivery import quilts
 from stereo_reproject.delivery.displays import DISPLAYS
 from stereo_reproject.delivery.quilts import (
     QUILT_FILE,
@@ -75,6 +76,14 @@ def test_bands_ask_for_their_own_views_alone():
     next(bands)
     assert set(asked) == {0, 3, 4, 5}, "the first tells the size of a place"
     np.testing.assert_array_equal(next(bands), assemble_quilt(numbered(6), 3, 2)[HEIGHT:])
+
+
+def test_bands_of_large_views_are_parts_of_a_row(monkeypatch):
+    whole = assemble_quilt(numbered(6), 3, 2)
+    monkeypatch.setattr(quilts, "BAND_PIXELS", 3 * 3 * WIDTH)
+    bands = list(quilt_bands(numbered(6), 3, 2))
+    assert max(len(band) for band in bands) == 3
+    np.testing.assert_array_equal(np.concatenate(bands), whole)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from stereo_reproject.jobs.work_folder import (
     views_superseded_by,
     work_folder,
 )
-from stereo_reproject.settings.views import ViewsSettings
+from stereo_reproject.settings.views import view_names
 from tests.warp.strange import STRANGE
 
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and named pipes as POSIX has them")
@@ -167,7 +167,7 @@ def test_no_process_has_such_a_number(pid):
 
 def rendered_views(work, output, count):
     """Views that are rendered, and an output folder."""
-    files = views_files(ViewsSettings(count, 40.0))
+    files = views_files(view_names(count))
     for folder in (work / "out" / "views", work / "old", output):
         folder.mkdir(parents=True, exist_ok=True)
     for name in files:
@@ -188,14 +188,24 @@ def test_views_have_a_folder_of_their_own(tmp_path):
 
 def test_views_and_quilts_of_an_earlier_run_do_not_stand_beside_new_ones(tmp_path):
     work, output = tmp_path / "work", tmp_path / "out"
-    old = ("views/view_01.exr", "views/view_07.exr", "quilt_qs8x6a0.75.png", "quilt_qs8x6a0.75.exr")
+    old = (
+        "views/view_01.exr",
+        "views/view_07.exr",
+        "views/far right.exr",
+        "views.exr",
+        "holes/view_07.png",
+        "quilt_qs8x6a0.75.png",
+        "quilt_qs8x6a0.75.exr",
+    )
     mine = ("views/mine.exr", "my_quilt_qs8x6a0.75.png", "views/view_07.exr.txt")
-    (output / "views").mkdir(parents=True)
+    for folder in ("views", "holes"):
+        (output / folder).mkdir(parents=True)
     for name in (*old, *mine):
         (output / name).write_text("old")
     files = rendered_views(work, output, 2)
     assert views_superseded_by(output, files) == (), "no report says that they are ours"
-    (output / "report.json").write_text(json.dumps({"files": [*old, *mine, "../elsewhere.exr", 3]}))
+    told = [*old, *mine[1:], "../elsewhere.exr", "views/../elsewhere.exr", 3]
+    (output / "report.json").write_text(json.dumps({"files": told}))
     superseded = views_superseded_by(output, files)
     assert sorted(superseded) == sorted(old[1:])
     publish(work, output, files, superseded=superseded, between_steps=lambda: None)
@@ -224,7 +234,7 @@ def test_a_torn_publish_of_views_leaves_all_as_it_was(tmp_path, step):
 
 def test_a_file_where_the_folder_of_views_belongs_is_said_before_anything_is_rendered(tmp_path):
     (tmp_path / "views").write_text("mine")
-    files = views_files(ViewsSettings(2, 40.0))
+    files = views_files(view_names(2))
     with pytest.raises(module.BadInputError, match="views is not a folder"), work_folder(tmp_path, files):
         raise AssertionError("it was rendered")
     assert (tmp_path / "views").read_text() == "mine"

@@ -69,11 +69,15 @@ def finish(*, without=()):
 def views(*, without=()):
     asked = job["views"]
     (work / "out" / "views").mkdir()
-    quilts = [f"quilt_qs{asked['columns']}x{asked['rows']}a0.75.{kind}" for kind in ("png", "exr")]
-    names = [name for name in (*quilts, *job["files"]) if name not in without]
+    # Of the scene's own views it alone knows the names.
+    own = [f"views/{name}.exr" for name in ("left", "far right")] if asked["from_scene"] else []
+    quilts = [f"quilt_qs{asked['columns']}x{asked['rows']}a0.75.{kind}" for kind in ("png", "exr") if asked["columns"]]
+    names = [name for name in (*quilts, *own, *job["files"]) if name not in without]
     for name in names:
         (work / "out" / name).write_text(f"new {name}", encoding="utf-8")
-    seen = [{"name": f"view_{k:02d}", "how": "made", "from": ["view_00"], "traced": 0.1} for k in range(asked["count"])]
+    seen = [
+        {"name": f"view_{k:02d}", "how": "made", "from": ["view_00"], "traced": 0.1} for k in range(asked["count"] or 2)
+    ]
     seen[0] |= {"how": "rendered", "from": [], "traced": 1.0}
     rest = {"plan": ["render view_00: the leftmost"], "seconds": {"source": 10.0, "total": 12.5}}
     estimates = {"honest_ratio": 1.01, "interval": [1.0, 1.02]}

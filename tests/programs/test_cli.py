@@ -302,6 +302,13 @@ def views_job(place):
         ("--views 45 --baseline 0.5 --focus 2", ViewsSettings(45, None, 0.5, 2.0, 9, 5), None),
         ("--quilt 4x3 --size 64x32", ViewsSettings(12, 40.0, columns=4, rows=3), [64, 32]),
         ("--views 12 --fresh 0.25", ViewsSettings(12, 40.0, columns=4, rows=3, fresh=0.25), None),
+        ("--layout multi-view", ViewsSettings(48, 40.0, columns=8, rows=6, layout="multi-view"), None),
+        ("--from-scene --size 64x32", ViewsSettings(0, from_scene=True), [64, 32]),
+        (
+            "--from-scene --quilt 2x2 --aspect 2 --layout Multi-View",
+            ViewsSettings(0, columns=2, rows=2, aspect=2.0, from_scene=True, layout="multi-view"),
+            None,
+        ),
     ],
 )
 def test_views_as_the_worker_gets_them(place, options, views, size):
@@ -321,7 +328,7 @@ def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, c
         accuracy="high", packed_by="portal", compare=True, scene=scene
     )
     capsys.readouterr()
-    for option in ("--interocular=1", "--convergence=1", "--vr180", "--source=left", "--layout=individual"):
+    for option in ("--interocular=1", "--convergence=1", "--vr180", "--source=left", "--fill=card"):
         assert many_views(place, option) == 2
         assert_one_line(capsys.readouterr().err, "unrecognized arguments: --")
 
@@ -348,10 +355,17 @@ def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, c
         ("--frames 1-3 --frame 2", "--frame and --frames each say which frames are rendered"),
         ("--frames 1-3 --resume --overwrite", "argument --overwrite: not allowed with argument --resume"),
         ("--frames 1-3 --compare", "--compare is of one frame: leave it out with --frames"),
+        ("--frames 1-3 --from-scene", "--from-scene is of one frame: leave it out with --frames"),
+        ("--frames 1-3 --layout multi-view", "views of several frames are stored in a file each"),
         ("--frame 3 --resume", "--resume is of several frames: name them by --frames"),
         ("--overwrite", "--overwrite is of several frames: name them by --frames"),
         ("--movie", "--movie is of several frames: name them by --frames"),
         ("--view-files", "--view-files is of several frames: name them by --frames"),
+        ("--layout side-by-side", "argument --layout: invalid choice: 'side-by-side'"),
+        *(
+            (f"--from-scene {option}", "leave --views, --cone, --baseline, --focus and --display out")
+            for option in ("--views 4", "--cone 20", "--baseline 1", "--focus 2", "--display go")
+        ),
     ],
 )
 def test_bad_options_of_views_are_said_in_one_line(place, capsys, options, part):
@@ -370,8 +384,19 @@ def test_views_are_delivered_with_their_quilt_and_said_in_short(place, capsys):
     assert found == {name: f"new {name}".encode() for name in names[:-1]}
     printed = capsys.readouterr().out
     assert "12 views" in printed
-    shown = f"{', '.join(quilts)}, {views[0]} to {views[-1]}, contact.png, sweep.mp4, report.json"
+    shown = f"{', '.join(quilts[::-1])}, {views[0]} to {views[-1]}, contact.png, sweep.mp4, report.json"
     assert printed.endswith(f"  {shown}\n")
+
+
+def test_the_scenes_own_views_are_delivered_by_their_names(place, capsys):
+    assert many_views(place, "--from-scene") == 0
+    names = ["views/left.exr", "views/far right.exr", "contact.png", "sweep.mp4", "report.json"]
+    assert sorted(names) == sorted(name for name, text in snapshot(place / "out").items() if text is not None)
+    shown = "views/left.exr to views/far right.exr, contact.png, sweep.mp4, report.json"
+    assert capsys.readouterr().out.endswith(f"  {shown}\n")
+    assert many_views(place, "--views", "2", "--layout", "multi-view") == 0
+    assert (place / "out" / "views.exr").exists()
+    assert list((place / "out" / "views").iterdir()) == []
 
 
 def test_fewer_views_than_before_leave_none_of_those(place):

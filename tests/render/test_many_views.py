@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.commands.views import cone_of, render_views_files
+from stereo_reproject.blender.commands.view_rigs import cone_of
+from stereo_reproject.blender.commands.views import render_views_files
 from stereo_reproject.blender.engines.views_renderer import ViewsRenderer, set_up_middle, standing_beside
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.cone_room import cone_warnings

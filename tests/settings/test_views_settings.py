@@ -94,3 +94,22 @@ def test_a_quilt_as_people_write_it():
 def test_what_is_no_quilt(text):
     with pytest.raises(BadInputError, match="of the form COLUMNSxROWS"):
         read_quilt(text)
+
+
+def test_the_scenes_own_views_are_counted_by_it():
+    views = ViewsSettings(0, columns=2, rows=2, from_scene=True)
+    assert views.names == ()
+    views.check_places(4)
+    with pytest.raises(BadInputError, match="a place for each of the 5 views"):
+        views.check_places(5)
+
+
+@pytest.mark.parametrize("said", [{"count": 4}, {"cone_degrees": 20.0}, {"baseline": 1.0}, {"display": "go"}])
+def test_nothing_else_says_where_the_scenes_own_views_stand(said):
+    with pytest.raises(BadInputError, match="leave --views"):
+        ViewsSettings(**{"count": 0, **said}, from_scene=True)
+
+
+def test_a_layout_that_is_none():
+    with pytest.raises(BadInputError, match="the layout must be one of individual, multi-view"):
+        ViewsSettings(48, 40.0, layout="quilt")

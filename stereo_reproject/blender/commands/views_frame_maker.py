@@ -17,8 +17,10 @@ from ...report.views_report import RENDERED, ViewsReport
 from ...sequence.progress import Listener
 from ...sequence.writer_process import WriterJob
 from ...settings.views import ViewsSettings
+from ..output.view_files import runs_compositor
 from .frame_maker import BlenderFrameMaker, FrameContext
-from .views import SharedFrame, ViewPlaces, render_views_of_frame
+from .views import SharedFrame, render_views_of_frame
+from .views_pictures import ViewPlaces
 
 KEYS_OF_A_FRAME = ("size", "samples", "accuracy", "seconds", "memory")
 """Keys of a report on many views that the report of an animation has for each frame."""
@@ -48,11 +50,13 @@ class ViewsFrameMaker(BlenderFrameMaker):
         start = time.perf_counter()
         (folder / VIEWS_FOLDER).mkdir(parents=True, exist_ok=True)
         settings = self._settings_at(frame)
+        # A compositor may read any of them.
+        keeps_passes = self._files.keeps_views or runs_compositor(self._scene)
         report, _ = render_views_of_frame(
             self._scene,
             settings,
             self._views,
-            ViewPlaces(self._work, folder / VIEWS_FOLDER, keeps_passes=self._files.keeps_views),
+            ViewPlaces(self._work, folder / VIEWS_FOLDER, keeps_passes=keeps_passes),
             self._onlooker_at(frame),
             self._listener.warn,
             SharedFrame(self._scenes, self._findings_at(frame), learns=self._last is None),

@@ -6,8 +6,9 @@ open.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,7 +38,61 @@ STEREO_SETTINGS = ("interocular_distance", "convergence_distance", "convergence_
 ONE_VIEW_AT_A_TIME = "it renders one view at a time"
 
 
-class ViewsRenderer(BlenderRenderer):
+class ManyViewsRenderer(BlenderRenderer, ABC):
+    """Renderer of a working scene for many views, each of which it can render by Blender's own camera.
+
+    views are the cameras by view name. The other parameters are those of `BlenderRenderer`. Raises BadInputError for an
+    engine or a camera that cannot do it.
+    """
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        folder: Path,
+        views: Mapping[str, PerspectiveCamera],
+        *,
+        user_scene: bpy.types.Scene | None = None,
+        packed_by: str = "auto",
+    ) -> None:
+        super().__init__(scene, folder, user_scene=user_scene, views=views, packed_by=packed_by)
+        self.motion = None
+        self.own_seeds = {name: shifted_seed(self.seed, VIEW_SEED_STEP * number) for number, name in enumerate(views)}
+
+    @abstractmethod
+    def standing_at(self, view: str) -> AbstractContextManager[str]:
+        """Have the scene's camera stand as the view of this name for the time of a `with` block; gives the name of the
+        eye that shows it."""
+
+    def traced_at(self, view: str) -> AbstractContextManager[str]:
+        """Have the scene's camera stand as this view to trace its pixels packed, as `standing_at` does."""
+        return self.standing_at(view)
+
+    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        """Return what `BlenderRenderer.fill_blockers` does; a card is no way for many views."""
+        return {**super().fill_blockers(deepest), "card": ONE_VIEW_AT_A_TIME}
+
+    def _traced_together(self, requests: Sequence[TraceRequest]) -> tuple[list[Rendered], list[Passes]]:
+        """Trace all requests packed, in one render where that is exact, else each view as Blender's own camera."""
+        rendered = self.cameras["left"]
+        others = [self.cameras[request.view] for request in requests]
+        reason = why_apart(self.traced_scene, rendered, others, self.volumes)
+        if reason is None and not turns_in_shutter(self.traced_scene):
+            return super()._traced_together(requests)
+        renders: list[Rendered] = []
+        answers: list[Passes] = []
+        for request in requests:
+            with self.traced_at(request.view) as eye:
+                of_eye = {**self.cameras, eye: self.cameras[request.view]}
+                asked = [replace(request, view=eye)]
+                done = trace_together(
+                    self.traced_scene, of_eye, self.volumes, asked, self.folder, self._next_seed, self.packed
+                )
+            renders += done[0]
+            answers += done[1]
+        return renders, answers
+
+
+class ViewsRenderer(ManyViewsRenderer):
     """Renderer of a working scene for many views side by side.
 
     offsets are the places of the views beside the scene's camera, in scene units, from the leftmost on. All show the
@@ -59,45 +114,16 @@ class ViewsRenderer(BlenderRenderer):
         middle = set_up_middle(scene, focus_distance)
         self._offsets = dict(zip(view_names(len(offsets)), offsets, strict=True))
         views = {name: beside(middle, offset, focus_distance) for name, offset in self._offsets.items()}
-        super().__init__(scene, folder, user_scene=user_scene, views=views, packed_by=packed_by)
-        self.motion = None
-        self.own_seeds = {
-            name: shifted_seed(self.seed, VIEW_SEED_STEP * number) for number, name in enumerate(self._offsets)
-        }
-
-    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
-        """Return what `BlenderRenderer.fill_blockers` does; a card is no way for many views."""
-        return {**super().fill_blockers(deepest), "card": ONE_VIEW_AT_A_TIME}
+        super().__init__(scene, folder, views, user_scene=user_scene, packed_by=packed_by)
 
     @contextmanager
     def standing_at(self, view: str) -> Iterator[str]:
-        """Have the scene's camera stand as the view of this name for the time of a `with` block; gives the name of the
-        eye that shows it."""
+        """Have the scene's camera stand as the view of this name, as `ManyViewsRenderer.standing_at` says."""
         if view not in self._offsets:
             yield view
             return
         with standing_beside(self.scene, self._offsets[view]) as eye:
             yield eye
-
-    def _traced_together(self, requests: Sequence[TraceRequest]) -> tuple[list[Rendered], list[Passes]]:
-        """Trace all requests packed, in one render where that is exact, else each view as Blender's own camera."""
-        rendered = self.cameras["left"]
-        others = [self.cameras[request.view] for request in requests]
-        reason = why_apart(self.traced_scene, rendered, others, self.volumes)
-        if reason is None and not turns_in_shutter(self.traced_scene):
-            return super()._traced_together(requests)
-        renders: list[Rendered] = []
-        answers: list[Passes] = []
-        for request in requests:
-            with self.standing_at(request.view) as eye:
-                of_eye = {**self.cameras, eye: self.cameras[request.view]}
-                asked = [replace(request, view=eye)]
-                done = trace_together(
-                    self.traced_scene, of_eye, self.volumes, asked, self.folder, self._next_seed, self.packed
-                )
-            renders += done[0]
-            answers += done[1]
-        return renders, answers
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import StereoReprojectError
 from ...images.exr import VIEWS
-from ...images.passes import COLOUR_PASS
+from ...images.passes import COLOUR_PASS, Passes
 from ...words import Words
 from ..engines.render import call_render, output_path, written_to
 from ..scene.compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
@@ -27,7 +27,7 @@ from ..scene.rendered import camera_at, main_layer
 from ..scene.stand_ins import new_names, renamed_metadata, stand_ins
 from ..scene.working import changed, evaluated, return_to_own_frame, stand_at
 from .delivery_engine import ENGINE, DeliveryUnderWay, Eyes, EyesAt, registered
-from .image_settings import copy_settings, side_by_side_png
+from .image_settings import copy_settings, linear_exr, side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
 from .stamp import stamped
@@ -139,6 +139,29 @@ def deliver_composited(
     with _at_frame(scene, frame), _as_delivered(scene, eyes), side_by_side_png(scene, path):
         _hand_over(scene, lambda _: eyes, Words("write {name}", name=path.name), metadata, write_still=True)
     check_png(path)
+
+
+def deliver_composited_view(
+    scene: bpy.types.Scene,
+    layers: Mapping[str, Passes],
+    path: Path,
+    *,
+    frame: int | None = None,
+    metadata: Mapping[str, str] = NOTHING,
+) -> None:
+    """Write one view as it is after the scene's compositor into an EXR, scene-linear. layers are its passes by view
+    layer; File Output nodes write nothing, since each view would replace the files of the one before. All else is as
+    for `deliver_composited`. Raises StereoReprojectError.
+    """
+    eyes = {"": layers}
+    with (
+        _at_frame(scene, frame),
+        _as_delivered(scene, eyes),
+        file_outputs_muted(scene),
+        linear_exr(scene, path),
+        changed(scene.render, use_multiview=False),
+    ):
+        _hand_over(scene, lambda _: eyes, Words("write {name}", name=path.name), metadata, write_still=True)
 
 
 def deliver_to_result(

@@ -31,7 +31,7 @@ from .layouts import as_ordered, deliver_anaglyph, is_our_own
 from .opening import open_session
 from .pictures import check_png
 from .quilt_files import write_quilt
-from .view_files import ViewFiles
+from .view_files import ViewFiles, composited_files
 
 HOLES = "holes"
 """The folder, in the frames' own, for pictures of what was traced, and what such a picture is called before."""
@@ -141,8 +141,8 @@ class PairPictures:
 
 
 class QuiltPictures:
-    """The files of frames that are many views: their quilt, as a PNG through the scene's view transform and as an EXR,
-    and what was handed over besides."""
+    """The files of frames that are many views: their quilt, as a PNG through the scene's compositor and view transform
+    and as an EXR, and what was handed over besides."""
 
     def __init__(self, scene: bpy.types.Scene, files: QuiltFrames) -> None:
         self._scene, self._files = scene, files
@@ -150,7 +150,9 @@ class QuiltPictures:
     def deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
         """Write a frame's files into its private folder; all else is as for `PairPictures.deliver`."""
         number, quilt, views = frame.frame, self._files.quilt, folder / VIEWS_FOLDER
-        pictures = ViewFiles(views, self._files.views)
+        names = self._files.views
+        composited = composited_files(self._scene, views, names, folder / "composited", frame=number)
+        pictures = ViewFiles(composited, names)
         made = {}
         for extension in ("png", "exr"):
             path = folder / f"quilt.{extension}"

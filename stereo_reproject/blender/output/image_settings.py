@@ -40,6 +40,19 @@ def side_by_side_png(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
 
 
 @contextmanager
+def linear_exr(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
+    """Have the scene's output set to an EXR of single precision at `path`, of one picture, scene-linear and with alpha,
+    for the time of a `with` block; the settings are restored afterwards.
+    """
+    render, settings = scene.render, scene.render.image_settings
+    with format_kept(settings), changed(render, use_stamp=False, **written_to(render, output_path(path))):
+        exr = {"media_type": "IMAGE", "file_format": "OPEN_EXR", "color_mode": "RGBA", "color_depth": "32"}
+        set_changed(settings, {name: exr[name] for name in FORMAT if name in exr and hasattr(settings, name)})
+        set_changed(settings, {"color_management": "FOLLOW_SCENE"})
+        yield
+
+
+@contextmanager
 def format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
     """Restore the format, the views format and the colour override of the output after a `with` block, whatever it
     changes of them, also after an error.

@@ -1,8 +1,8 @@
 """Files that show many views of one frame: their quilt, a sheet of small pictures, and a movie that goes from the
 leftmost camera to the rightmost and back.
 
-Pictures go through the scene's view transform, as a pair's do; its compositor is not run, since it would need all
-passes of each view. Displays know no transparency, so that PNGs and movies show views over black.
+Pictures go through the scene's view transform, as a pair's do. Displays know no transparency, so that PNGs and movies
+show views over black.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...delivery.quilts import grid_for, quilt_bands
-from ...images.exr import in_halves, write_halves
+from ...images.exr import in_halves
+from ...images.exr_stream import StreamedPart, streamed_exr
 from ...images.png import write_png, write_png_bands
 from ...images.resizing import made_smaller
-from ...settings.views import view_names
 from ..scene.working import changed
 from .delivery import NOTHING, deliver_movie, deliver_picture, empty_scene_like
 from .movie import movie_scene, only_file
@@ -82,23 +82,24 @@ def write_quilt(
     """Write the quilt of views to `path`: as a PNG through the view transform that the scene has at `frame` (None: the
     present one), or as an EXR of half floats, scene-linear. metadata are texts for the file's header.
 
-    One row of views is held at a time, but for an EXR, of which all is held in half floats. Raises
-    StereoReprojectError.
+    One row of views is held at a time. Raises StereoReprojectError.
     """
     height, width = pictures[0].shape[:2]
     bands = quilt_bands(pictures, columns, rows)
+    size = columns * width, rows * height
     if path.suffix == ".exr":
-        quilt = np.empty((rows * height, columns * width, 4), np.float16)
-        for k, band in enumerate(bands):
-            quilt[k * height : (k + 1) * height] = in_halves(band)
-        write_halves(path, quilt, texts=metadata)
+        with streamed_exr(path, [StreamedPart("RGBA", texts=metadata)], size, np.float16) as stream:
+            for band in bands:
+                stream.write({letter: in_halves(band[..., k]) for k, letter in enumerate("RGBA")})
         return
     with tempfile.TemporaryDirectory() as folder, _at(scene, frame) as empty:
         shown = (_shown(empty, band, Path(folder)) for band in bands)
-        write_png_bands(path, (columns * width, rows * height), shown, texts=metadata)
+        write_png_bands(path, size, shown, texts=metadata)
 
 
-def write_contact_sheet(scene: bpy.types.Scene, pictures: Pictures, path: Path, *, frame: int | None = None) -> None:
+def write_contact_sheet(
+    scene: bpy.types.Scene, pictures: Pictures, names: Sequence[str], path: Path, *, frame: int | None = None
+) -> None:
     """Write a PNG of small pictures of all views in their order, from the top left on in rows, each below its name.
     frame is as for `write_quilt`. Raises StereoReprojectError."""
     columns, rows = grid_for(len(pictures))
@@ -108,14 +109,14 @@ def write_contact_sheet(scene: bpy.types.Scene, pictures: Pictures, path: Path, 
     lines = [np.concatenate(small[k : k + columns], axis=1) for k in range(0, len(small), columns)]
     with tempfile.TemporaryDirectory() as folder, _at(scene, frame) as empty:
         shown = _shown(empty, np.concatenate(lines), Path(folder))
-        names = [drawn(Path(folder) / "name.png", [(name, None)], width) for name in view_names(len(pictures))]
-    name_height = max(name.shape[0] for name in names)
+        titles = [drawn(Path(folder) / "name.png", [(name, None)], width) for name in names]
+    name_height = max(title.shape[0] for title in titles)
     step_x, step_y = width + GAP_PX, name_height + height + GAP_PX
     sheet = np.full((rows * step_y, columns * step_x - GAP_PX, 3), BACKGROUND, np.uint8)
-    for k, name in enumerate(names):
+    for k, title in enumerate(titles):
         row, column = divmod(k, columns)
         y, x = row * step_y, column * step_x
-        sheet[y : y + name.shape[0], x : x + width] = name
+        sheet[y : y + title.shape[0], x : x + width] = title
         picture = shown[row * height : (row + 1) * height, column * width : (column + 1) * width]
         sheet[y + name_height : y + name_height + height, x : x + width] = picture
     write_png(path, sheet)
@@ -128,8 +129,6 @@ def write_sweep(scene: bpy.types.Scene, pictures: Pictures, path: Path, *, frame
     held = max(round(SWEEP_SECONDS * MOVIE_FRAMES_PER_SECOND / len(order)), 1)
     rounds = math.ceil(MOVIE_SECONDS * MOVIE_FRAMES_PER_SECOND / (held * len(order)))
     width, height = _sweep_size(pictures[0])
-    # Blender asks several times in a row.
-    opaque = lru_cache(maxsize=2)(lambda k: _opaque(_resized(pictures[k], width, height)))
     frames = range(1, 1 + rounds * held * len(order))
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -139,6 +138,8 @@ def write_sweep(scene: bpy.types.Scene, pictures: Pictures, path: Path, *, frame
         copy.render.fps, copy.render.fps_base = MOVIE_FRAMES_PER_SECOND, 1.0
         ffmpeg = copy.render.ffmpeg
         ffmpeg.codec, ffmpeg.audio_codec, ffmpeg.constant_rate_factor = "H264", "NONE", "HIGH"
+        # Blender asks several times in a row.
+        opaque = lru_cache(maxsize=2)(lambda k: _opaque(_resized_once(pictures, k, (width, height), Path(folder))))
         out = Path(folder) / "encoded"
         deliver_movie(copy, lambda frame: opaque(order[(frame - 1) // held % len(order)]), out, frames=frames)
         shutil.move(only_file(out), path)
@@ -168,6 +169,15 @@ def _opaque(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 def _resized(picture: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
     """Return a picture (H, W, 4) made smaller to this size; one that has it already as it is."""
     return picture if picture.shape[:2] == (height, width) else made_smaller(picture, width, height)
+
+
+def _resized_once(pictures: Pictures, number: int, size: tuple[int, int], folder: Path) -> NDArray[np.float32]:
+    """Return a picture (H, W, 4) made smaller to this size, (width, height). It is made but once: the folder keeps it,
+    in half floats."""
+    path = folder / f"{number}.npy"
+    if not path.exists():
+        np.save(path, in_halves(_resized(pictures[number], *size)))
+    return np.load(path).astype(np.float32)
 
 
 def _sheet_picture_size(scene: bpy.types.Scene, picture: NDArray[np.float32], columns: int) -> tuple[int, int]:

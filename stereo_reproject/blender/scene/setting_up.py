@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...settings.frame import SceneOverrides
+from ...settings.frame import EYES, SceneOverrides
 from .rendered import CYCLES
 from .rig import MODES
 from .vr_cameras import set_up_panorama
@@ -27,8 +27,12 @@ def set_up(scene: bpy.types.Scene, layer: str) -> None:
     render.use_crop_to_border = render.use_border
     render.use_multiview = True
     render.views_format = "STEREO_3D"
+    for eye in EYES:
+        # A scene with views of its own may have neither.
+        if eye not in render.views:
+            render.views.new(eye)
     for view in render.views:
-        view.use = view.name in ("left", "right")
+        view.use = view.name in EYES
     for view_layer in scene.view_layers:
         view_layer.use = view_layer.name == layer
     scene.view_layers[layer].use_pass_combined = True

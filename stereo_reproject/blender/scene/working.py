@@ -267,14 +267,14 @@ def _remove(scene_name: str, object_name: str, camera_name: str) -> None:
         bpy.data.scenes.remove(scene)
     eye = bpy.data.objects.get(object_name)
     if eye is not None:
-        _remove_kept(eye)
+        remove_kept(eye)
         bpy.data.objects.remove(eye)
     camera = bpy.data.cameras.get(camera_name)
     if camera is not None:
         bpy.data.cameras.remove(camera)
 
 
-def _remove_kept(eye: bpy.types.Object) -> None:
+def remove_kept(eye: bpy.types.Object) -> None:
     """Remove the object that a working camera names as ours, with its mesh and materials."""
     kept = bpy.data.objects.get(eye.get(KEPT_OBJECT, ""))
     if kept is None:

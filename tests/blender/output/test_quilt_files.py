@@ -18,6 +18,7 @@ from stereo_reproject.blender.output.quilt_files import (
 )
 from stereo_reproject.delivery.quilts import assemble_quilt
 from stereo_reproject.images.exr import read_channels
+from stereo_reproject.settings.views import view_names
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_compositor, empty_scene
 
@@ -117,7 +118,7 @@ def test_the_compositor_of_the_scene_is_left_alone(scene, tmp_path):
 def test_a_contact_sheet_has_the_views_in_their_order_from_the_top_left(scene, tmp_path):
     pictures = views(5)
     before = everything()
-    write_contact_sheet(scene, pictures, tmp_path / "contact.png")
+    write_contact_sheet(scene, pictures, view_names(5), tmp_path / "contact.png")
     assert everything() == before
     assert [path.name for path in tmp_path.iterdir()] == ["contact.png"]
     sheet = read_png(tmp_path / "contact.png")
@@ -135,7 +136,7 @@ def test_a_contact_sheet_has_the_views_in_their_order_from_the_top_left(scene, t
 def test_pixels_that_are_not_square_are_shown_as_wide_as_they_are(scene, tmp_path):
     for aspect, shape in ((2.0, (60, 120)), (0.5, (90, 45))):
         with display_pixels(scene, aspect, (WIDTH, HEIGHT)):
-            write_contact_sheet(scene, views(2), tmp_path / "contact.png")
+            write_contact_sheet(scene, views(2), view_names(2), tmp_path / "contact.png")
         sheet = read_png(tmp_path / "contact.png")
         assert sheet.shape[1] == 2 * (shape[1] + GAP_PX) - GAP_PX
         assert np.argmax(sheet[::-1, -shape[1] // 2].max(axis=-1) > 0.15) == GAP_PX
