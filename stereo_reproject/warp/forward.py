@@ -78,12 +78,14 @@ def forward_warp(
             tear_sides(torn, depth, source, target)
         return _along_rows(depth, source, target, disparity, grid, torn)
     drawn = Warp(*draw_quads(depth, source, target, grid, torn))
-    return _with_nothing(drawn, source, target) if has_lens_edge(source) and has_lens_edge(target) else drawn
+    return with_nothing_beyond_lens(drawn, source, target)
 
 
-def _with_nothing(drawn: Warp, source: Camera, target: Camera) -> Warp:
+def with_nothing_beyond_lens(drawn: Warp, source: Camera, target: Camera) -> Warp:
     """Return a map in which the pixels of the target that show nothing, beyond the edge of a lens, have the same place
-    of the source where that shows nothing either, and no nearness."""
+    of the source where that shows nothing either, and no nearness. The arrays are written to."""
+    if not (has_lens_edge(source) and has_lens_edge(target)):
+        return drawn
     x = np.arange(drawn.x.shape[1], dtype=np.float32) + np.float32(0.5)
     for rows in bands(drawn.x.shape):
         y = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None] + np.float32(0.5)

@@ -22,19 +22,25 @@ from ...views.camera import (
     Camera,
     OrthographicCamera,
     PerspectiveCamera,
+    PlanarCamera,
     ViewPlane,
     disparity_per_nearness,
+    is_planar,
     pixel_size,
     target_from_source,
 )
+from ...views.panorama import has_lens_edge
 from ...views.view import View
 from ...warp import warper
-from ...warp.composite import passes_seen
-from ...warp.forward import Warp
+from ...warp.composite import passes_seen, target_depth
+from ...warp.corners import lattice_corners
+from ...warp.empty import empty_reasons
+from ...warp.forward import Warp, with_nothing_beyond_lens
 from ...warp.grid import CELL_QUADS, Grid, build_grid
 from ...warp.options import WarpOptions
+from ...warp.quads import widest_quad
 from ...warp.rendered_view import RenderedView
-from ...warp.scanline import RowDisparity, row_disparity_of
+from ...warp.scanline import LARGEST_NEARNESS, RowLaw, row_law_of
 from ...warp.tuning import TUNING as WARP_TUNING
 from ...warp.warped_view import WarpedView
 from ...warp.warper import DEFAULTS, Warper
@@ -43,6 +49,9 @@ from .textures import Constant, NoRoomError, ShaderRun, downloaded, fold, upload
 
 NO_INTERVAL_KEY, NO_QUAD_KEY = -1, -(2**31)
 """Keys of a pixel that nothing covers yet, smaller than any key of an interval, or of a quad."""
+
+SAME_DEPTH: dict[str, Constant] = {"move_depth": (0.0, 0.0, 1.0, 0.0), "move_scale": (0.0, 0.0, 1.0, 0.0)}
+"""Those of `_moves` by which a point is as far from the target as from the source."""
 
 MAX_TRIAL_DIFFERENCE, MAX_TRIAL_SHARE = 1e-3, 0.01
 """Difference of a colour, and share of the few pixels of the trial, by which the GPU and NumPy may differ."""
@@ -100,8 +109,7 @@ def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULT
 def _fits(source: RenderedView, target: View) -> bool:
     """Return whether the shaders know these cameras, and the pictures are not too large for textures."""
     cameras = (source.camera, target.camera)
-    kind = type(source.camera)
-    if kind is not type(target.camera) or kind not in (PerspectiveCamera, OrthographicCamera):
+    if type(source.camera) is not type(target.camera):
         return False
     longest = max(max(camera.width, camera.height) for camera in cameras) + 2
     texels = {image.shape[-1] // _lanes(image) for image in source.passes.values()}
@@ -115,16 +123,20 @@ def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> Wa
     """
     camera, other = source.camera, target.camera
     grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=WARP_TUNING.tear_pixels)
-    shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid)
+    law = row_law_of(camera, other)
+    shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid, law)
     try:
         shaders.create("cut", _size(camera))
         shaders.run("cuts", _size(camera))
-        warp = _warped(shaders, camera, other)
-        empty = _empty(shaders, camera, other)
-        depth = _target_depth(shaders, camera, other)
+        if law is None:
+            _draw(shaders, source, other, grid)
+        else:
+            _along_rows(shaders, camera, other, law)
+        warp = _map(shaders, camera, other)
+        empty, depth = (step(shaders, source, other, warp) for step in (_empty, _target_depth))
 
         def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
-            return _looked_up(shaders, image, how, other)
+            return _looked_up(shaders, image, how, other, wraps=source.wraps)
 
         seen = passes_seen(source, target, warp, depth, look_up, options)
     finally:
@@ -137,9 +149,11 @@ def _size(camera: Camera) -> tuple[int, int]:
     return camera.width, camera.height
 
 
-def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> ShaderRun:
-    """Return the run of all shaders of one warp: with its constants, the source's depth (H, W, 1) and the grid as
-    textures.
+def _shader_run(
+    depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid, law: RowLaw | None
+) -> ShaderRun:
+    """Return the run of all shaders of one warp: with its constants, and as textures the source's depth (H, W, 1), the
+    grid, and the map that is to be made. law is that of a pair whose rows match.
     """
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
@@ -148,80 +162,101 @@ def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid
         "cell_count": (columns, rows),
         "is_parallel": int(isinstance(source, OrthographicCamera)),
         "disparity_scale": disparity_per_nearness(source, target),
+        "wraps": int(law is not None and law.wraps),
     }
     split = uploaded(grid.subdivided.astype(np.float32), (columns, rows))
-    return ShaderRun(constants, {"depth": uploaded(depth, _size(source)), "split": split})
-
-
-def _warped(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
-    """Return the map from target to source. Its textures "x", "y" and "near" stay in the run for later shaders."""
-    disparity = row_disparity_of(source, target)
+    shaders = ShaderRun(constants, {"depth": uploaded(depth, _size(source)), "split": split})
     for name in ("x", "y", "near"):
         shaders.create(name, _size(target))
-    if disparity is None:
-        _draw(shaders, source, target)
-    else:
-        _along_rows(shaders, source, target, disparity)
+    return shaders
+
+
+def _map(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
+    """Return the map from target to source that was drawn. Its textures "x", "y" and "near" stay in the run for later
+    shaders."""
     shaders.drop("cut", "split", "owner")
-    return Warp(*(downloaded(shaders.textures[name]) for name in ("x", "y", "near")))
+    drawn = Warp(*(downloaded(shaders.textures[name]) for name in ("x", "y", "near")))
+    if not (has_lens_edge(source) and has_lens_edge(target)):
+        return drawn
+    warp = with_nothing_beyond_lens(drawn, source, target)
+    shaders.textures |= {name: uploaded(getattr(warp, name), _size(target)) for name in ("x", "y")}
+    return warp
 
 
-def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, disparity: RowDisparity) -> None:
-    """Draw the rows of a rectified pair into the textures of the map, as `scanline.warp_rows` does."""
+def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, law: RowLaw) -> None:
+    """Draw the rows of a pair whose rows match into the textures of the map, as `scanline.warp_rows` does."""
     width, height = _size(source)
+    shaders.textures["line"] = uploaded(law.lines(height), (2, height))
     shaders.create("corner", (width + 2, height))
-    shaders.run("corners", (width + 2, height), shift_line=(disparity.offset, disparity.per_nearness))
+    shaders.run("corners", (width + 2, height), tangent_scale=law.pixels_per_tangent or 0.0)
     shaders.create("owner", _size(target), fill=NO_INTERVAL_KEY)
-    key_way = (width, -1) if disparity.per_nearness > 0.0 else (0, 1)
+    # Of a picture that goes on beyond its sides, intervals count from a turn before it to a turn after it.
+    turn = width * int(law.wraps)
+    key_way = (width + turn, -1) if law.grows else (turn, 1)
     shaders.run("intervals", (width + 1, height), key_way=key_way)
     shaders.run("places", _size(target), key_way=key_way)
-    shaders.drop("corner")
+    shaders.drop("corner", "line")
 
 
-def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
+def _draw(shaders: ShaderRun, source: RenderedView, target: Camera, grid: Grid) -> None:
     """Draw the grid's quads into the textures of the map, as `quads.draw_quads` does. Raises NoRoomError where a quad
     is too broad.
 
     The shaders do their own depth test: the GPU's would round corners to 1/256 pixel.
     """
-    width, height = _size(source)
-    moves = _moves(source, target)
-    shaders.create("vertex", (width + 2, height + 2))
-    shaders.run("vertices", (width + 2, height + 2), **moves)
+    width, height = _size(source.camera)
+    if is_planar(source.camera) and is_planar(target):
+        shaders.create("vertex", (width + 2, height + 2))
+        shaders.run("vertices", (width + 2, height + 2), **_moves(source.camera, target))
+        period, widest = 0.0, LARGEST_NEARNESS
+    else:
+        corners = lattice_corners(source.depth, source.camera, target, grid)
+        shaders.textures["vertex"] = uploaded(corners, (width + 2, height + 2), lanes=4)
+        period, widest = target.period_px if np.isfinite(target.period_px) else 0.0, widest_quad(target)
     for name in ("owner", "drawn"):
         shaders.create(name, _size(target), fill=NO_QUAD_KEY)
     broad = shaders.create("broad", (1, 1), fill=0)
+    coarse = (-(-(width + 1) // CELL_QUADS), -(-(height + 1) // CELL_QUADS))
+    places: dict[str, Constant] = {"period": period, "widest": widest}
     for to_settle in (0, 1):
-        shaders.run(
-            "draw",
-            (-(-(width + 1) // CELL_QUADS), -(-(height + 1) // CELL_QUADS)),
-            quad_span=CELL_QUADS,
-            to_settle=to_settle,
-        )
-        shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
-    shaders.run("settled", _size(target))
+        shaders.run("draw", coarse, quad_span=CELL_QUADS, to_settle=to_settle, **places)
+        shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle, **places)
+    shaders.run("settled", _size(target), period=period)
     if downloaded(broad).any():
         raise NoRoomError("a quad covers more pixels than one invocation of a shader should fill")
     shaders.drop("vertex", "drawn", "broad")
 
 
-def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """Return the `Reason` flags (H, W) of target pixels that the warp cannot answer for, as `empty.empty_reasons` does.
-    Textures that only this step needs are dropped.
+def _empty(shaders: ShaderRun, source: RenderedView, target: Camera, warp: Warp) -> NDArray[np.uint16]:
+    """Return the `Reason` flags (H, W) of target pixels that the warp cannot answer for, as `empty.empty_reasons` does:
+    it does so itself for panoramas. Textures that only this step needs are dropped.
     """
+    camera = source.camera
+    if not (is_planar(camera) and is_planar(target)):
+        shaders.drop("near")
+        return empty_reasons(warp, camera, target)
     for name in ("before", "after"):
         shaders.create(name, _size(target))
     shaders.run("neighbours", (target.height, 1))
     flags = shaders.create("flag", _size(target))
-    shaders.run("flags", _size(target), **_moves(target, source))
+    shaders.run("flags", _size(target), **_moves(target, camera))
     shaders.drop("before", "after", "flag", "near")
     return downloaded(flags).astype(np.uint16)
 
 
-def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return the depth (H, W) that the target sees at each pixel, as `composite.warp_passes` computes it."""
+def _target_depth(shaders: ShaderRun, source: RenderedView, target: Camera, warp: Warp) -> NDArray[np.float32]:
+    """Return the depth (H, W) that the target sees at each pixel, as `composite.target_depth` computes it: it does so
+    itself for panoramas whose rows do not match."""
+    camera = source.camera
+    if is_planar(camera) and is_planar(target):
+        moves = _moves(camera, target)
+    elif row_law_of(camera, target) is not None:
+        moves = SAME_DEPTH
+    else:
+        shaders.drop("depth")
+        return target_depth(source.passes[DEPTH_PASS], warp, camera, target)
     result = shaders.create("result", _size(target))
-    shaders.run("depth", _size(target), **_moves(source, target))
+    shaders.run("depth", _size(target), **moves)
     shaders.drop("depth", "result")
     return downloaded(result)
 
@@ -231,9 +266,9 @@ def _lanes(image: NDArray) -> int:
     return 4 if image.shape[-1] == 4 else 1
 
 
-def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
+def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera, *, wraps: bool) -> NDArray[np.float32]:
     """Return a pass (H, W, C) of the source as the target sees it (h, w, C), as `images.lookup.lookup` does it by the
-    map. how is "nearest", "linear" or "cubic". Raises NoRoomError.
+    map. how is "nearest", "linear" or "cubic"; wraps is as there. Raises NoRoomError.
     """
     height, width, channels = image.shape
     lanes = _lanes(image)
@@ -245,12 +280,12 @@ def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target:
     name = "result" if lanes == 1 else f"result{lanes}"
     result = shaders.create(name, (target_fold[0], target_fold[1] * target.height))
     folds: dict[str, Constant] = {"source_fold": source_fold, "target_fold": target_fold}
-    shaders.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, **folds)
+    shaders.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, wraps=int(wraps), **folds)
     shaders.drop("picture", name)
     return downloaded(result).reshape(target.height, target.width, channels)
 
 
-def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
+def _moves(source: PlanarCamera, target: PlanarCamera) -> dict[str, Constant]:
     """Return the coefficients by which the shaders compute how a point of the source moves on its way into the target.
 
     They are those of (x, y, 1, nearness or depth), with x and y in pixels from the middle of the picture. A place in
