@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
-from ..views.camera import Camera, is_planar, target_px_from_source_px
-from .grid import CELL_QUADS, Grid
+from ..views.camera import Camera, goes_round, is_planar, target_px_from_source_px
+from .grid import CELL_QUADS, Grid, lattice_depth
 
 CORNER_ROUNDING = 2.0**-18
 """Pixels to which corners in a panorama are rounded: far above double precision, and far below what shows."""
@@ -38,21 +38,25 @@ def project_corners(source: Camera, target: Camera, x: NDArray, y: NDArray, dept
 
 
 def lattice_corners(depth: NDArray, source: Camera, target: Camera, grid: Grid) -> NDArray[np.float32]:
-    """Return (H + 2, W + 2, 4) target x and y, in pixels, nearness to the target's camera, and 1, of all corners of the
-    quads that the grid draws.
+    """Return (H + 2, W + 2, 4) how far all corners of the quads that the grid draws move to the right and down on their
+    way into the target, in pixels, their nearness to the target's camera, and 1.
 
     depth (H, W) is the source's; of the result, corner (i, j) stands at pixel position (j - 0.5, i - 0.5). It is 0 for
-    corners that no quad has, and for those that the target's camera does not see.
+    corners that no quad has, and for those that the target's camera does not see. Where the target shows a direction
+    more than once, a corner moves to the nearest place.
     """
-    drawn = _drawn_corners(grid)
+    drawn, lattice = _drawn_corners(grid), lattice_depth(depth, wraps=goes_round(source))
     result = np.zeros((*drawn.shape, 4), np.float32)
     for rows in bands(drawn.shape):
         i, j = np.nonzero(drawn[rows])
         i += rows.start
-        near_by = depth[np.clip(i - 1, 0, grid.height - 1), np.clip(j - 1, 0, grid.width - 1)]
-        places = np.stack(project_corners(source, target, j - 0.5, i - 0.5, near_by), axis=-1)
-        seen = np.isfinite(places).all(axis=-1)
-        result[i[seen], j[seen], :3] = places[seen]
+        x, y, nearness = project_corners(source, target, j - 0.5, i - 0.5, lattice[i, j])
+        right, down = x - (j - 0.5), y - (i - 0.5)
+        if np.isfinite(target.period_px):
+            right -= target.period_px * np.round(right / target.period_px)
+        moved = np.stack([right, down, nearness], axis=-1)
+        seen = np.isfinite(moved).all(axis=-1)
+        result[i[seen], j[seen], :3] = moved[seen]
         result[i[seen], j[seen], 3] = 1.0
     return result
 

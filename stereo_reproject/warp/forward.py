@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..images.bands import bands
 from ..images.sides import mend_sides
-from ..views.camera import Camera
+from ..views.camera import Camera, goes_round
 from ..views.panorama import has_lens_edge, is_beyond_lens
 from .discontinuities import disparity_of, disparity_steps
 from .grid import Grid
@@ -72,10 +72,10 @@ def forward_warp(
     uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
     torn = torn_quads(cut_right, cut_down, depth)
+    if goes_round(source):
+        tear_sides(torn, depth, source, target)
     disparity = row_law_of(source, target)
     if disparity is not None:
-        if disparity.wraps:
-            tear_sides(torn, depth, source, target)
         return _along_rows(depth, source, target, disparity, grid, torn)
     drawn = Warp(*draw_quads(depth, source, target, grid, torn))
     return with_nothing_beyond_lens(drawn, source, target)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..images import bands
 from ..images.masks import dilate
-from ..views.camera import Camera, is_planar, target_px_from_source_px
+from ..views.camera import Camera, goes_round, is_planar, target_px_from_source_px
 from .corners import Corners, project_corners
 from .grid import CELL_QUADS, Grid, lattice_depth
 from .tuning import TUNING
@@ -32,7 +32,8 @@ def draw_quads(
 
     depth (H, W) is the source's. torn (H + 1, W + 1) are the quads that are not drawn where their cell is subdivided.
     """
-    vertices = lattice_depth(depth)
+    wraps = goes_round(source)
+    vertices = lattice_depth(depth, wraps=wraps)
     # Beyond the frame's outer ring there is nothing.
     beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
     torn = np.pad(torn, beyond, constant_values=True)
@@ -45,7 +46,10 @@ def draw_quads(
     for quads in _coarse_quads(vertices, source, target, grid):
         for placed in _all_around(quads, target):
             surface.draw(placed)
-    return surface.result()
+    x, y, nearness = surface.result()
+    if wraps:
+        x -= np.float32(source.width) * np.floor(x * np.float32(1.0 / source.width))
+    return x, y, nearness
 
 
 def _all_around(quads: _Quads, target: Camera) -> Iterator[_Quads]:

@@ -35,7 +35,7 @@ SAMPLERS = {
     "cut_map": "UINT_2D",  # (H, W): 1 torn from the next pixel in the row, 2 in the column, 4 without a depth
     "line_map": "FLOAT_2D",  # (H, 2): slope and start of the rows' shift by nearness, see scanline.RowLaw
     "corner_map": "FLOAT_2D",  # (H, W + 2): nearness and shift of the corners in the rows
-    "vertex_map": "FLOAT_2D",  # (H + 2, W + 2): target x and y, nearness there, and whether there is any
+    "vertex_map": "FLOAT_2D",  # (H + 2, W + 2): pixels moved right and down, nearness there, and whether there is any
     "owner_map": "INT_2D",  # of the target, as all that follow: who won
     "drawn_map": "INT_2D",  # minus the number of the quad that did
     "x_map": "FLOAT_2D",
@@ -145,7 +145,7 @@ PROGRAMS = {
         ("owner_image", "drawn_image", "broad_image"),
         ("source_size", "target_size", "wraps", "cell_count", "quad_span", "to_settle", "period", "widest"),
     ),
-    "settled": Program(QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size", "period")),
+    "settled": Program(QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size", "wraps", "period")),
     "neighbours": Program(NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)),
     "flags": Program(
         RAY + MOVE + FLAGS,

@@ -25,6 +25,7 @@ from ...views.camera import (
     PlanarCamera,
     ViewPlane,
     disparity_per_nearness,
+    goes_round,
     is_planar,
     pixel_size,
     target_from_source,
@@ -136,7 +137,7 @@ def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> Wa
         empty, depth = (step(shaders, source, other, warp) for step in (_empty, _target_depth))
 
         def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
-            return _looked_up(shaders, image, how, other, wraps=source.wraps)
+            return _looked_up(shaders, image, how, other)
 
         seen = passes_seen(source, target, warp, depth, look_up, options)
     finally:
@@ -162,9 +163,11 @@ def _shader_run(
         "cell_count": (columns, rows),
         "is_parallel": int(isinstance(source, OrthographicCamera)),
         "disparity_scale": disparity_per_nearness(source, target),
-        "wraps": int(law is not None and law.wraps),
+        "wraps": int(goes_round(source)),
     }
-    split = uploaded(grid.subdivided.astype(np.float32), (columns, rows))
+    # Rows that go on beyond their sides are drawn without coarse cells.
+    subdivided = np.ones_like(grid.subdivided) if law is not None and law.wraps else grid.subdivided
+    split = uploaded(subdivided.astype(np.float32), (columns, rows))
     shaders = ShaderRun(constants, {"depth": uploaded(depth, _size(source)), "split": split})
     for name in ("x", "y", "near"):
         shaders.create(name, _size(target))
@@ -266,9 +269,9 @@ def _lanes(image: NDArray) -> int:
     return 4 if image.shape[-1] == 4 else 1
 
 
-def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera, *, wraps: bool) -> NDArray[np.float32]:
+def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
     """Return a pass (H, W, C) of the source as the target sees it (h, w, C), as `images.lookup.lookup` does it by the
-    map. how is "nearest", "linear" or "cubic"; wraps is as there. Raises NoRoomError.
+    map. how is "nearest", "linear" or "cubic". Raises NoRoomError.
     """
     height, width, channels = image.shape
     lanes = _lanes(image)
@@ -280,7 +283,7 @@ def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target:
     name = "result" if lanes == 1 else f"result{lanes}"
     result = shaders.create(name, (target_fold[0], target_fold[1] * target.height))
     folds: dict[str, Constant] = {"source_fold": source_fold, "target_fold": target_fold}
-    shaders.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, wraps=int(wraps), **folds)
+    shaders.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, **folds)
     shaders.drop("picture", name)
     return downloaded(result).reshape(target.height, target.width, channels)
 

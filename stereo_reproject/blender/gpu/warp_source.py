@@ -74,8 +74,7 @@ vec2 moved_by(vec4 ray) {
 """
 
 SPLIT = """
-// Rows that go on beyond their sides are drawn without coarse cells.
-bool is_split(ivec2 quad) { return wraps != 0 || texelFetch(split_map, quad / CELL_QUADS, 0).x > 0.0; }
+bool is_split(ivec2 quad) { return texelFetch(split_map, quad / CELL_QUADS, 0).x > 0.0; }
 """
 
 TORN = """
@@ -236,15 +235,21 @@ void main() {
   vec4 ray = ray_at(position - 0.5 * vec2(source_size), nearness_of(depth));
   float near_by = is_parallel != 0 ? -min(depth_of(ray), SKY_DEPTH) : ray.w / scale_of(ray);
   bool known = !is_nan(depth) && is_ahead(ray) && is_finite(near_by);
-  vec2 place = position + moved_by(ray);
-  imageStore(vertex_image, vertex, known ? vec4(place, near_by, 1.0) : vec4(0.0));
+  imageStore(vertex_image, vertex, known ? vec4(moved_by(ray), near_by, 1.0) : vec4(0.0));
 }
 """
 
 # quads._triangles, and what quads._Surface._fill makes of them
 QUAD = """
+// Where a corner lands, counted from the place of the quad's first corner in the source: small numbers are exact.
+vec4 corner_at(ivec2 vertex, ivec2 start) {
+  return texelFetch(vertex_map, vertex, 0) + vec4(vec2(vertex - start), 0.0, 0.0);
+}
 // quads._all_around: corners beside the first one, where the picture's angles begin anew.
-float beside(float x, float first) { return period > 0.0 ? x - period * floor((x - first) / period + 0.5) : x; }
+vec4 beside(vec4 corner, float first) {
+  if (period > 0.0) corner.x -= period * floor((corner.x - first) / period + 0.5);
+  return corner;
+}
 struct Triangle { vec3 origin; vec3 along_u; vec3 along_v; float determinant; bool drawn; bool hides; };
 Triangle triangle_of(vec3 origin, vec3 end_u, vec3 end_v, float area) {
   vec3 u = end_u - origin, v = end_v - origin;
@@ -292,8 +297,8 @@ bool is_beside_tear(ivec2 quad) {
 }
 void draw_at(vec3 a, vec3 b, vec3 c, vec3 d, ivec2 start, vec2 size, float margin) {
   vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
-  ivec2 first = ivec2(clamp(ceil(low - 0.5), vec2(0.0), vec2(target_size)));
-  ivec2 stop = ivec2(clamp(ceil(high - 0.5), vec2(0.0), vec2(target_size)));
+  vec2 none = -vec2(start), all = vec2(target_size - start);
+  ivec2 first = ivec2(clamp(ceil(low - 1.0), none, all)) + start, stop = ivec2(clamp(ceil(high - 1.0), none, all)) + start;
   if (any(equal(first, stop))) return;
   Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
   if (!upper.drawn && !lower.drawn) return;
@@ -304,7 +309,7 @@ void draw_at(vec3 a, vec3 b, vec3 c, vec3 d, ivec2 start, vec2 size, float margi
   bool fine = quad_span == 1;
   for (int y = first.y; y < stop.y; y++) {
     for (int x = first.x; x < stop.x; x++) {
-      vec2 centre = vec2(x, y) + 0.5;
+      vec2 centre = vec2(ivec2(x, y) - start) + 1.0;
       vec2 uv = within(upper, centre);
       bool in_upper = is_in_upper(upper, uv);
       if (!in_upper && !lower.drawn) continue;
@@ -324,12 +329,9 @@ void main() {
   bool fine = quad_span == 1;
   if (is_split(start) != fine) return;
   ivec2 end = min(start + quad_span, source_size + 1);
-  vec4 a = texelFetch(vertex_map, start, 0), b = texelFetch(vertex_map, ivec2(end.x, start.y), 0);
-  vec4 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0), d = texelFetch(vertex_map, end, 0);
+  vec4 a = corner_at(start, start), b = beside(corner_at(ivec2(end.x, start.y), start), a.x);
+  vec4 c = beside(corner_at(ivec2(start.x, end.y), start), a.x), d = beside(corner_at(end, start), a.x);
   if (min(min(a.w, b.w), min(c.w, d.w)) < 0.5 || (fine && is_torn(start))) return;
-  b.x = beside(b.x, a.x);
-  c.x = beside(c.x, a.x);
-  d.x = beside(d.x, a.x);
   // It is behind the camera, or the eye stands within.
   if (max(max(a.x, b.x), max(c.x, d.x)) - min(min(a.x, b.x), min(c.x, d.x)) >= widest) return;
   float margin = !fine || is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
@@ -344,24 +346,23 @@ void main() {
 # quads._Surface.result
 SETTLED = """
 // Place and nearness.
-vec3 point_in(ivec2 start, bool fine, vec2 centre) {
+vec3 point_in(ivec2 start, bool fine, ivec2 pixel) {
+  vec2 centre = vec2(pixel - start) + 1.0;
   ivec2 end = fine ? start + 1 : min(start + CELL_QUADS, source_size + 1);
-  vec3 a = texelFetch(vertex_map, start, 0).xyz, b = texelFetch(vertex_map, ivec2(end.x, start.y), 0).xyz;
-  vec3 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0).xyz, d = texelFetch(vertex_map, end, 0).xyz;
-  b.x = beside(b.x, a.x);
-  c.x = beside(c.x, a.x);
-  d.x = beside(d.x, a.x);
+  vec4 a = corner_at(start, start), b = beside(corner_at(ivec2(end.x, start.y), start), a.x);
+  vec4 c = beside(corner_at(ivec2(start.x, end.y), start), a.x), d = beside(corner_at(end, start), a.x);
   float middle = 0.5 * (min(min(a.x, b.x), min(c.x, d.x)) + max(max(a.x, b.x), max(c.x, d.x)));
   vec3 by = vec3(period > 0.0 ? period * floor((centre.x - middle) / period + 0.5) : 0.0, 0.0, 0.0);
   vec2 size = vec2(end - start);
-  Triangle upper = triangle_of(a + by, b + by, c + by, size.x * size.y);
-  Triangle lower = triangle_of(d + by, c + by, b + by, size.x * size.y);
+  Triangle upper = triangle_of(a.xyz + by, b.xyz + by, c.xyz + by, size.x * size.y);
+  Triangle lower = triangle_of(d.xyz + by, c.xyz + by, b.xyz + by, size.x * size.y);
   vec2 uv = within(upper, centre);
   // It was drawn: by one of the two, whatever rounding says of the diagonal here.
   bool in_upper = is_in_upper(upper, uv) || !lower.drawn;
   if (in_upper ? upper.hides : lower.hides) return vec3(NO_NUMBER, NO_NUMBER, NOWHERE);
   vec2 turned = within(lower, centre);
   vec2 place = vec2(start) - 0.5 + (in_upper ? uv : 1.0 - turned) * size;
+  if (wraps != 0) place.x -= float(source_size.x) * floor(place.x / float(source_size.x));
   return vec3(place, in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned));
 }
 void main() {
@@ -374,7 +375,7 @@ void main() {
     bool fine = of_its_kind < first_coarse;
     if (!fine) of_its_kind -= first_coarse;
     int width = source_size.x + 1;
-    point = point_in(ivec2(of_its_kind % width, of_its_kind / width), fine, vec2(pixel) + 0.5);
+    point = point_in(ivec2(of_its_kind % width, of_its_kind / width), fine, pixel);
   }
   imageStore(x_image, pixel, vec4(point.x));
   imageStore(y_image, pixel, vec4(point.y));
