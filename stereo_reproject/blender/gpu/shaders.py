@@ -145,7 +145,9 @@ PROGRAMS = {
         ("owner_image", "drawn_image", "broad_image"),
         ("source_size", "target_size", "wraps", "cell_count", "quad_span", "to_settle", "period", "widest"),
     ),
-    "settled": Program(QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size", "wraps", "period")),
+    "settled": Program(
+        QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size", "wraps", "period")
+    ),
     "neighbours": Program(NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)),
     "flags": Program(
         RAY + MOVE + FLAGS,

@@ -17,13 +17,11 @@ import gpu
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images.passes import COLOUR_PASS, DEPTH_PASS
+from ...images.passes import DEPTH_PASS
 from ...views.camera import (
     Camera,
     OrthographicCamera,
-    PerspectiveCamera,
     PlanarCamera,
-    ViewPlane,
     disparity_per_nearness,
     goes_round,
     is_planar,
@@ -47,15 +45,13 @@ from ...warp.warped_view import WarpedView
 from ...warp.warper import DEFAULTS, Warper
 from .context import in_silence, started
 from .textures import Constant, NoRoomError, ShaderRun, downloaded, fold, uploaded
+from .trial import are_alike, trials
 
 NO_INTERVAL_KEY, NO_QUAD_KEY = -1, -(2**31)
 """Keys of a pixel that nothing covers yet, smaller than any key of an interval, or of a quad."""
 
 SAME_DEPTH: dict[str, Constant] = {"move_depth": (0.0, 0.0, 1.0, 0.0), "move_scale": (0.0, 0.0, 1.0, 0.0)}
 """Those of `_moves` by which a point is as far from the target as from the source."""
-
-MAX_TRIAL_DIFFERENCE, MAX_TRIAL_SHARE = 1e-3, 0.01
-"""Difference of a colour, and share of the few pixels of the trial, by which the GPU and NumPy may differ."""
 
 
 def usable() -> str | None:
@@ -79,15 +75,20 @@ _given_up: list[str] = []
 
 @cache
 def _tried() -> str | None:
-    """Return the GPU's name if it passes two small trials against NumPy; None if it does not, or if anything fails."""
+    """Return the GPU's name if it passes some small trials against NumPy; None if it does not, or if anything fails."""
     try:
         with in_silence():
-            if started() and _agrees(0.0, "linear") and _agrees(0.02, "cubic"):
+            if started() and all(_agrees(*trial) for trial in trials()):
                 return gpu.platform.renderer_get()
     # SystemError without a GPU, others where a driver fails; Exception itself is what a shader's compilation raises.
     except Exception:  # noqa: BLE001 - whatever it is, there is no GPU that works
         return None
     return None
+
+
+def _agrees(source: RenderedView, target: View, options: WarpOptions) -> bool:
+    """Return whether the GPU warps a small picture as NumPy does."""
+    return are_alike(_warp_on_gpu(source, target, options), warper.warp_view(source, target, options))
 
 
 def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
@@ -312,44 +313,3 @@ def _moves(source: PlanarCamera, target: PlanarCamera) -> dict[str, Constant]:
     move_y[1] -= scale[2]
     rows = {"move_x": move_x, "move_y": move_y, "move_depth": -back, "move_scale": scale}
     return {name: tuple(row.tolist()) for name, row in rows.items()}
-
-
-def _agrees(yaw: float, interpolation: str) -> bool:
-    """Return whether the GPU warps a small picture as NumPy does. yaw turns the target's camera, in radians, so that
-    rows are not enough.
-    """
-    source, target = _trial(yaw)
-    options = WarpOptions(interpolation=interpolation, colour_interpolation="cubic")
-    ours, numpys = (warp(source, target, options) for warp in (_warp_on_gpu, warper.warp_view))
-    both = ours.warp.covered & numpys.warp.covered
-    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > MAX_TRIAL_DIFFERENCE
-    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= MAX_TRIAL_SHARE
-
-
-def _trial(yaw: float) -> tuple[RenderedView, View]:
-    """Return a small made-up source with passes of every kind, and the view to warp it to. yaw turns the target's
-    camera, in radians.
-    """
-    width, height = 45, 34
-    plane = ViewPlane(-0.5, 0.5, -0.4, 0.4)
-    x, y = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
-    depth = 4.0 + x + 0.5 * y
-    depth[5:20, 12:20], depth[:4, 30:], depth[25, 25] = 1.5, np.inf, np.nan
-    colour = np.stack([np.sin(9 * x + k) * np.cos(7 * y) for k in range(4)], axis=-1)
-    colour = colour.astype(np.float32)
-    # Every kind of lookup: what compiles here compiles later on.
-    passes = {
-        COLOUR_PASS: colour,
-        DEPTH_PASS: depth[..., None].astype(np.float32),
-        "Diffuse Color": colour[..., :3],
-        "An AOV": colour,
-        "Object Index": np.round(4.0 * colour[..., :1]),
-        "CryptoObject00": np.round(4.0 * colour),
-    }
-    turned = np.eye(4)
-    turned[0, (0, 2)], turned[2, (0, 2)], turned[0, 3] = (np.cos(yaw), np.sin(yaw)), (-np.sin(yaw), np.cos(yaw)), 0.2
-    source, target = (
-        View(name, PerspectiveCamera(width, height, pose, plane))
-        for name, pose in (("source", np.eye(4)), ("target", turned))
-    )
-    return RenderedView(source, passes), target

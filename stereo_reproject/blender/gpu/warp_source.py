@@ -126,7 +126,8 @@ void main() {
 # scanline._corners, scanline._RowSegments._moved
 CORNERS = """
 float nearness_at(ivec2 vertex) {
-  return nearness_of(texelFetch(depth_map, ivec2(column_at(vertex.x - 1), clamp(vertex.y - 1, 0, source_size.y - 1)), 0).x);
+  ivec2 pixel = ivec2(column_at(vertex.x - 1), clamp(vertex.y - 1, 0, source_size.y - 1));
+  return nearness_of(texelFetch(depth_map, pixel, 0).x);
 }
 float end_nearness(int column, int row) {
   bool fine = is_split(ivec2(min(column, source_size.x), row)) || (column > 0 && is_split(ivec2(column - 1, row)));
@@ -176,9 +177,9 @@ void main() {
 
 # scanline._RowSegments._nearest
 INTERVALS = """
-// Whether nothing of it is drawn, for it is torn.
+// Whether nothing of it is drawn, for it is torn. Beyond the sides there is none: where rows go on there, the last
+// interval is the first one once more, and knows the neighbours that the other has not.
 bool is_open(int column, int row) {
-  if (wraps != 0) column = column_at(column);
   if (column < 0 || column > source_size.x || !is_split(ivec2(column, row + 1))) return false;
   return is_torn(ivec2(column, row)) && is_torn(ivec2(column, row + 1));
 }
@@ -297,8 +298,9 @@ bool is_beside_tear(ivec2 quad) {
 }
 void draw_at(vec3 a, vec3 b, vec3 c, vec3 d, ivec2 start, vec2 size, float margin) {
   vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
-  vec2 none = -vec2(start), all = vec2(target_size - start);
-  ivec2 first = ivec2(clamp(ceil(low - 1.0), none, all)) + start, stop = ivec2(clamp(ceil(high - 1.0), none, all)) + start;
+  vec2 none = -vec2(start), whole = vec2(target_size - start);
+  ivec2 first = start + ivec2(clamp(ceil(low - 1.0), none, whole));
+  ivec2 stop = start + ivec2(clamp(ceil(high - 1.0), none, whole));
   if (any(equal(first, stop))) return;
   Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
   if (!upper.drawn && !lower.drawn) return;

@@ -1,5 +1,5 @@
-"""The warp of panoramas on the GPU: what numpy's is, along rows and quad by quad, across the seam of a whole turn, beside
-poles and at the edge of a lens."""
+"""The warp of panoramas on the GPU: what numpy's is, along rows and quad by quad, across the seam of a whole turn,
+beside poles and at the edge of a lens."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.images.reasons import Reason
 from stereo_reproject.views.camera import ViewPlane, goes_round, target_px_from_source_px
 from stereo_reproject.views.panorama import PanoramicCamera
 from stereo_reproject.views.projections import (
@@ -161,8 +160,32 @@ def test_nothing_is_missing_at_the_seam_of_a_whole_turn(name, stereo):
     np.testing.assert_allclose(ours.warp.y[beside], back_y, atol=4e-3)
 
 
+@pytest.mark.parametrize("stereo", STEREO)
+@pytest.mark.parametrize("name", ["360", "cylinder"])
+@pytest.mark.parametrize("columns", [np.r_[:20], np.r_[-20:0], np.r_[-1:1], np.r_[-3:2]])
+def test_steps_in_depth_at_the_seam_of_a_whole_turn(name, stereo, columns):
+    one, other = pair(name, stereo)
+    source = passes_of("smooth", SIZE)
+    source["Depth"][:, columns] = 0.4
+    assert_same(*both(source, one, other))
+    assert_same(*both(source, other, one))
+
+
+@pytest.mark.parametrize("stereo", STEREO)
+@pytest.mark.parametrize("name", PROJECTIONS)
+@pytest.mark.parametrize("scene", ["smooth", "steps", "noise"])
+def test_things_nearer_than_the_eyes_are_to_each_other(name, stereo, scene):
+    """The target's eye stands within them, and sees some from behind: quads reach around half of all angles."""
+    one, other = pair(name, stereo)
+    source = seen(scene, one)
+    source["Depth"] *= np.float32(0.02)
+    assert_same(*both(source, one, other, grid_threshold=1000.0))
+
+
 def test_pairs_are_warped_along_rows_or_quad_by_quad():
-    along_rows = {(name, stereo): row_law_of(*pair(name, stereo)) is not None for name in PROJECTIONS for stereo in STEREO}
+    along_rows = {
+        (name, stereo): row_law_of(*pair(name, stereo)) is not None for name in PROJECTIONS for stereo in STEREO
+    }
     assert {key for key, found in along_rows.items() if found} == {
         (name, stereo) for name in ("VR180", "360") for stereo in ("spherical", "parallel", "merged")
     }
