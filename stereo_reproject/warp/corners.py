@@ -10,7 +10,8 @@ from ..views.camera import Camera, goes_round, is_planar, target_px_from_source_
 from .grid import CELL_QUADS, Grid, lattice_depth
 
 CORNER_ROUNDING = 2.0**-18
-"""Pixels to which corners in a panorama are rounded: far above double precision, and far below what shows."""
+"""Pixels to which corners in a panorama are rounded, and all corners on a GPU: far above double precision, and far
+below what shows."""
 
 Corners = tuple[NDArray, NDArray, NDArray]
 """Target x and y, in pixels, and nearness to the target's camera, of the corners of quads."""

@@ -137,7 +137,10 @@ PROGRAMS = {
         SIDES + PLACES, ("owner_map", "corner_map"), PLACED, ("source_size", "target_size", "wraps", "key_way")
     ),
     "vertices": Program(
-        NEARNESS + RAY + MOVE + VERTICES, ("depth_map",), ("vertex_image",), ("source_size", "is_parallel", *MOVES)
+        NEARNESS + RAY + MOVE + VERTICES,
+        ("depth_map",),
+        ("vertex_image",),
+        ("source_size", "is_parallel", *MOVES),
     ),
     "draw": Program(
         SIDES + SPLIT + TORN + QUAD + DRAW,

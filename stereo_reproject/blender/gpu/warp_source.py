@@ -10,6 +10,7 @@ from __future__ import annotations
 from ...images.bands import BAND_PIXELS
 from ...images.reasons import Reason
 from ...views.camera import OrthographicCamera
+from ...warp.corners import CORNER_ROUNDING
 from ...warp.grid import CELL_QUADS
 from ...warp.quads import LARGEST_AREA_PIXELS
 from ...warp.scanline import FARTHEST_PIXELS, LARGEST_NEARNESS
@@ -25,6 +26,7 @@ COMMON = f"""
 #define LARGEST_AREA {float(LARGEST_AREA_PIXELS)}
 #define SKY_DEPTH {float(OrthographicCamera.SKY_DEPTH)}
 #define SKY_BEGIN {float(OrthographicCamera.SKY_DEPTH * (1.0 - OrthographicCamera.SKY_ROUNDING))}
+#define CORNER_ROUNDING {CORNER_ROUNDING}
 #define EDGE_TOLERANCE {float(WARP_TUNING.edge_tolerance)}
 #define DISOCCLUDED {Reason.DISOCCLUDED.value}u
 #define OUTSIDE {Reason.OUTSIDE.value}u
@@ -236,7 +238,9 @@ void main() {
   vec4 ray = ray_at(position - 0.5 * vec2(source_size), nearness_of(depth));
   float near_by = is_parallel != 0 ? -min(depth_of(ray), SKY_DEPTH) : ray.w / scale_of(ray);
   bool known = !is_nan(depth) && is_ahead(ray) && is_finite(near_by);
-  imageStore(vertex_image, vertex, known ? vec4(moved_by(ray), near_by, 1.0) : vec4(0.0));
+  // Quads that share a corner have it in one place, from wherever they count: whole pixels are added without rounding.
+  vec2 moved = floor(moved_by(ray) / CORNER_ROUNDING + 0.5) * CORNER_ROUNDING;
+  imageStore(vertex_image, vertex, known ? vec4(moved, near_by, 1.0) : vec4(0.0));
 }
 """
 
