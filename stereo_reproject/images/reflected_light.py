@@ -54,15 +54,21 @@ def reflected_light(passes: Passes) -> NDArray[np.float32]:
     return total
 
 
-def without_sparks(light: NDArray[np.float32]) -> NDArray[np.float32]:
+def without_sparks(light: NDArray[np.float32], *, wraps: bool = False) -> NDArray[np.float32]:
     """Return scene-linear light (H, W, 3) in which each spark has the mean of the pixels beside it, and what it loses
     is spread over the pixels around, so that their mean stays what it was, after `metrics.tone`. Light without any
     spark is returned as it is.
 
     A spark is a single pixel that is brighter, after `metrics.tone`, than the brightest pixel beside it by at least
     `min_spark_sigmas` standard deviations of the pixels around. It is chance: one sample in thousands that has met a
-    lamp. An error that is seen has more pixels.
+    lamp. An error that is seen has more pixels. wraps: True where the picture's right side goes on at its left.
     """
+    if wraps:
+        # A pixel gets light of a spark, the window of that spark is counted, and pixels around it are judged.
+        ahead = 2 * TUNING.spark_loss_reach_px + TUNING.spark_reach_px + 1
+        around = light[:, np.arange(-ahead, light.shape[1] + ahead) % light.shape[1]]
+        cleaned = without_sparks(around)
+        return light if cleaned is around else cleaned[:, ahead:-ahead].copy()
     toned = tone(light)
     brightness = channel_mean(toned)
     above = brightness - _brightest_beside(brightness)

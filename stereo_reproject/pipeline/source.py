@@ -82,7 +82,8 @@ def render_source(task: FrameTask, accuracy: Accuracy, *, light_scale: float | N
     scale = display_scale(passes[COLOUR_PASS]) if light_scale is None else light_scale
     passes = scaled_light(passes, scale)
     if VIEW_DEPENDENT_PASS in passes:
-        passes = {**passes, VIEW_DEPENDENT_PASS: without_sparks(passes[VIEW_DEPENDENT_PASS])}
+        light = without_sparks(passes[VIEW_DEPENDENT_PASS], wraps=goes_round(task.source.camera))
+        passes = {**passes, VIEW_DEPENDENT_PASS: light}
     seen = RenderedView(task.source, passes, invalid, cost)
     del passes
     if denoising is not None and probed:

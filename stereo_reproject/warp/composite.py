@@ -52,7 +52,7 @@ def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOpt
 
     `warp` is the map that says which place of the source each target pixel shows. SOURCE_ONLY_PASSES are left out.
     """
-    seen = _target_depth(source.passes[DEPTH_PASS], warp, source.camera, target.camera)
+    seen = target_depth(source.passes[DEPTH_PASS], warp, source.camera, target.camera)
 
     def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
         return lookup(image, warp.x, warp.y, interpolation=how, wraps=source.wraps)
@@ -166,7 +166,7 @@ def _target_position(
     return np.where(known[..., None], world, elsewhere).astype(np.float32)
 
 
-def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
+def target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
     """Return (H, W) the depth that the target sees: the source's depth (H, W, 1), looked up by the map and converted;
     +inf where nothing landed.
 

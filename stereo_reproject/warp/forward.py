@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..images.bands import bands
 from ..images.sides import mend_sides
-from ..views.camera import Camera
+from ..views.camera import Camera, goes_round
 from ..views.panorama import has_lens_edge, is_beyond_lens
 from .discontinuities import disparity_of, disparity_steps
 from .grid import Grid
@@ -72,18 +72,20 @@ def forward_warp(
     uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
     torn = torn_quads(cut_right, cut_down, depth)
+    if goes_round(source):
+        tear_sides(torn, depth, source, target)
     disparity = row_law_of(source, target)
     if disparity is not None:
-        if disparity.wraps:
-            tear_sides(torn, depth, source, target)
         return _along_rows(depth, source, target, disparity, grid, torn)
     drawn = Warp(*draw_quads(depth, source, target, grid, torn))
-    return _with_nothing(drawn, source, target) if has_lens_edge(source) and has_lens_edge(target) else drawn
+    return with_nothing_beyond_lens(drawn, source, target)
 
 
-def _with_nothing(drawn: Warp, source: Camera, target: Camera) -> Warp:
+def with_nothing_beyond_lens(drawn: Warp, source: Camera, target: Camera) -> Warp:
     """Return a map in which the pixels of the target that show nothing, beyond the edge of a lens, have the same place
-    of the source where that shows nothing either, and no nearness."""
+    of the source where that shows nothing either, and no nearness. The arrays are written to."""
+    if not (has_lens_edge(source) and has_lens_edge(target)):
+        return drawn
     x = np.arange(drawn.x.shape[1], dtype=np.float32) + np.float32(0.5)
     for rows in bands(drawn.x.shape):
         y = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None] + np.float32(0.5)

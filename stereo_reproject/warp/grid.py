@@ -16,6 +16,7 @@ from ..views.camera import (
     PerspectiveCamera,
     disparity_per_nearness,
     eye_distance,
+    goes_round,
     is_planar,
     target_px_from_source_px,
 )
@@ -52,16 +53,17 @@ class Grid:
         return 2 * int(quads.sum())
 
 
-def lattice_depth(depth: NDArray) -> NDArray:
+def lattice_depth(depth: NDArray, *, wraps: bool = False) -> NDArray:
     """Return the depth at the grid's vertices, (16 R + 1, 16 C + 1) for R x C cells, from the depth (H, W) of the
     pixels.
 
     Vertex (i, j) stands at pixel position (j - 0.5, i - 0.5), the centre of a pixel. Beyond the picture's border the
-    vertices have the depth of the border.
+    vertices have the depth of the border; beside a picture that wraps, that of its other side.
     """
     height, width = depth.shape
     rows, columns = -(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)
-    return np.pad(depth, ((1, rows * CELL_QUADS - height), (1, columns * CELL_QUADS - width)), mode="edge")
+    whole = np.pad(depth, ((1, rows * CELL_QUADS - height), (0, 0)), mode="edge")
+    return np.pad(whole, ((0, 0), (1, columns * CELL_QUADS - width)), mode="wrap" if wraps else "edge")
 
 
 def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float, most: float = float("inf")) -> Grid:
@@ -75,7 +77,7 @@ def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: flo
     only ever meets a fine one where both are flat (paper: no T-junctions).
     """
     height, width = depth.shape
-    near, far = _cell_extremes(depth)
+    near, far = _cell_extremes(depth, wraps=goes_round(source))
     difference = _parallax_range(near, far, source, target)
     with np.errstate(invalid="ignore"):
         steep = ~(difference <= threshold * ARC_MINUTE)
@@ -127,9 +129,9 @@ def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
     return np.maximum(np.hypot(*falling), np.hypot(*rising))
 
 
-def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:
+def _cell_extremes(depth: NDArray, *, wraps: bool) -> tuple[NDArray, NDArray]:
     """Return (R, C) the least and the greatest depth of each cell's 17 x 17 vertices; NaN where the depth of one is
-    unknown."""
+    unknown. wraps is as for `lattice_depth`."""
     height, width = depth.shape
     cells = [-(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)]
     result = []
@@ -138,7 +140,7 @@ def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:
         for band in range(cells[0]):
             # Lattice row i is the picture's row i - 1; beyond the border they are repeated.
             extreme.reduce(depth[max(band * CELL_QUADS - 1, 0) : (band + 1) * CELL_QUADS], axis=0, out=lines[band])
-        columns = np.pad(lines, ((0, 0), (1, cells[1] * CELL_QUADS - width)), mode="edge")
+        columns = np.pad(lines, ((0, 0), (1, cells[1] * CELL_QUADS - width)), mode="wrap" if wraps else "edge")
         shared = columns[:, CELL_QUADS::CELL_QUADS]
         result.append(extreme(extreme.reduce(columns[:, :-1].reshape(cells[0], -1, CELL_QUADS), axis=2), shared))
     return result[0], result[1]

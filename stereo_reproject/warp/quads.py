@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..images import bands
 from ..images.masks import dilate
-from ..views.camera import Camera, is_planar, target_px_from_source_px
+from ..views.camera import Camera, goes_round, is_planar, target_px_from_source_px
+from .corners import Corners, project_corners
 from .grid import CELL_QUADS, Grid, lattice_depth
 from .tuning import TUNING
 
@@ -19,9 +20,6 @@ CHUNK_CELLS = 192
 """Cells drawn at a time: some 49 000 quads, whose temporaries stay in a processor's cache."""
 
 ALL = slice(None)
-
-CORNER_ROUNDING = 2.0**-18
-"""Pixels to which corners in a panorama are rounded: far above double precision, and far below what shows."""
 
 LARGEST_AREA_PIXELS = 1e12
 """Area of a triangle, in square pixels of the target, above which it is a rounding error."""
@@ -34,7 +32,8 @@ def draw_quads(
 
     depth (H, W) is the source's. torn (H + 1, W + 1) are the quads that are not drawn where their cell is subdivided.
     """
-    vertices = lattice_depth(depth)
+    wraps = goes_round(source)
+    vertices = lattice_depth(depth, wraps=wraps)
     # Beyond the frame's outer ring there is nothing.
     beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
     torn = np.pad(torn, beyond, constant_values=True)
@@ -47,7 +46,10 @@ def draw_quads(
     for quads in _coarse_quads(vertices, source, target, grid):
         for placed in _all_around(quads, target):
             surface.draw(placed)
-    return surface.result()
+    x, y, nearness = surface.result()
+    if wraps:
+        x -= np.float32(source.width) * np.floor(x * np.float32(1.0 / source.width))
+    return x, y, nearness
 
 
 def _all_around(quads: _Quads, target: Camera) -> Iterator[_Quads]:
@@ -60,7 +62,7 @@ def _all_around(quads: _Quads, target: Camera) -> Iterator[_Quads]:
     if is_planar(target):
         yield quads
         return
-    half = 0.5 * min(target.period_px, 2.0 * target.width)
+    half = widest_quad(target)
     placed = _beside_first(quads, target.period_px)
     apart = np.flatnonzero(placed.drawn & (np.ptp(_four(placed.x), axis=0) >= half))
     parts = [placed] if apart.size == 0 else [placed, _beside_first(_one_by_one(quads, apart), target.period_px)]
@@ -72,6 +74,12 @@ def _all_around(quads: _Quads, target: Camera) -> Iterator[_Quads]:
             again = drawn & (x.max(axis=0) + shift > 0.0) & (x.min(axis=0) + shift < target.width)
             if again.any():
                 yield replace(part, x=part.x + shift, drawn=again)
+
+
+def widest_quad(target: Camera) -> float:
+    """Return the width, in pixels, from which a quad is not drawn in a panorama: that of half of all angles, or of the
+    whole picture where no angle is seen twice."""
+    return 0.5 * min(target.period_px, 2.0 * target.width)
 
 
 def _four(corners: NDArray) -> NDArray:
@@ -102,10 +110,6 @@ def _one_by_one(quads: _Quads, chosen: NDArray[np.int64]) -> _Quads:
     return _Quads(x, y, nearness, first_x, first_y, wide, high, np.ones(one, bool), margin)
 
 
-_Corners = tuple[NDArray, NDArray, NDArray]
-"""Target x and y, in pixels, and nearness to the target's camera, of the corners of quads."""
-
-
 @dataclass(frozen=True)
 class _Quads:
     """The n x n quads of each of C cells of the source's grid, with the places of their corners in the target.
@@ -127,7 +131,7 @@ class _Quads:
     drawn: NDArray[np.bool_]
     margin: NDArray
 
-    def corners(self, chosen: NDArray[np.int64]) -> _Corners:
+    def corners(self, chosen: NDArray[np.int64]) -> Corners:
         """Return target x, target y and nearness (2, 2, K) of the four corners of K quads.
 
         chosen (K,) are the quads' indices in the flattened (C, n, n). Of the result's first two indices, the first
@@ -138,46 +142,6 @@ class _Quads:
         first = lattice[:, :-1, :-1].ravel().take(chosen)
         places = first + np.array([[0, 1], [count + 1, count + 2]])[..., None]
         return self.x.ravel().take(places), self.y.ravel().take(places), self.nearness.ravel().take(places)
-
-
-def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> _Corners:
-    """Return target x, target y and nearness, of one shape, of the points that the source sees at positions x, y and
-    depth.
-
-    x, y and depth broadcast. The result is NaN where a point lies behind the target's camera.
-    """
-    if is_planar(source):
-        target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
-    else:
-        target_x, target_y, target_depth = _past_poles(source, target, x, y, depth)
-    if not is_planar(target):
-        # An arc tangent's last digit depends on its place in an array; two cells must agree on the corners they share.
-        target_x, target_y = (np.round(a / CORNER_ROUNDING) * CORNER_ROUNDING for a in (target_x, target_y))
-    nearness = target.nearness_from_depth(target_depth)
-    shape = np.broadcast_shapes(depth.shape, np.shape(target_x))
-    whole_x, whole_y, whole_nearness = (
-        np.ascontiguousarray(np.broadcast_to(a, shape)) for a in (target_x, target_y, nearness)
-    )
-    return whole_x, whole_y, whole_nearness
-
-
-def _past_poles(
-    source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray
-) -> tuple[NDArray, NDArray, NDArray]:
-    """Return what `target_px_from_source_px` does for a panoramic source, with the places of corners above and below
-    the picture continued from those within: beyond a pole there are rays that belong to the other side of the picture.
-    """
-    within = np.clip(y, 0.5, source.height - 0.5)
-    beyond = y - within
-    here = target_px_from_source_px(source, target, x, within, depth)
-    if not beyond.any():
-        return here
-    back = target_px_from_source_px(source, target, x, within - np.sign(beyond), depth)
-    across, down = here[0] - back[0], here[1] - back[1]
-    if np.isfinite(target.period_px):
-        across = across - target.period_px * np.round(across / target.period_px)
-    beyond = np.abs(beyond)
-    return here[0] + beyond * across, here[1] + beyond * down, here[2]
 
 
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
@@ -196,7 +160,7 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
         right = np.minimum(left + CELL_QUADS, grid.width + 1)
         i = np.stack([top, bottom], axis=-1)[:, :, None]
         j = np.stack([left, right], axis=-1)[:, None, :]
-        corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
+        corners = project_corners(source, target, j - 0.5, i - 0.5, vertices[i, j])
         one = (top.size, 1, 1)
         x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
         yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, TUNING.edge_tolerance))
@@ -218,7 +182,7 @@ def _fine_quads(
     for start in range(0, all_rows.size, CHUNK_CELLS):
         i = all_rows[start : start + CHUNK_CELLS, None, None] * CELL_QUADS + span[None, :, None]
         j = all_columns[start : start + CHUNK_CELLS, None, None] * CELL_QUADS + span[None, None, :]
-        corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
+        corners = project_corners(source, target, j - 0.5, i - 0.5, vertices[i, j])
         first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
         margin = np.where(beside[first_i, first_j], TUNING.edge_tolerance, 0.0)
         yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
@@ -430,7 +394,7 @@ class _Triangle:
     """(Q,) triangles that are turned away or overstretched: they show nothing, but hide what is behind them."""
 
 
-def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
+def _triangles(corners: Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
     """Return the upper left and the lower right halves of quads with these corners (2, 2, K).
 
     x, y (K,): the first pixel centre of each quad's box. area (K,): the quad's area in the source, in pixels.
@@ -442,7 +406,7 @@ def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tupl
 
 
 def _triangle(
-    corners: _Corners, chosen: tuple[tuple[int, int], ...], centre: tuple[NDArray, NDArray], area: NDArray
+    corners: Corners, chosen: tuple[tuple[int, int], ...], centre: tuple[NDArray, NDArray], area: NDArray
 ) -> _Triangle:
     """Return one triangle of each quad; its functions are NaN where it has no area.
 

@@ -47,11 +47,16 @@ class RowDisparity:
     per_nearness: float
 
     wraps = False
+    pixels_per_tangent = None
 
     @property
     def grows(self) -> bool:
         """True where what is nearer moves farther to the right."""
         return self.per_nearness > 0.0
+
+    def lines(self, height: int) -> NDArray[np.float64]:
+        """Return (H, 2) slope and start, as `RowLaw.lines` says: the same ones in all H rows."""
+        return np.tile((self.per_nearness, self.offset), (height, 1))
 
     def moved(self, near: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray[np.float32]:  # noqa: ARG002
         """Return the disparity (h, K), in pixels, of points with this nearness (h, K), whatever their rows (h,) are."""
@@ -70,6 +75,16 @@ class RowLaw(Protocol):
     @property
     def grows(self) -> bool:
         """True where what is nearer moves farther to the right."""
+        ...
+
+    @property
+    def pixels_per_tangent(self) -> float | None:
+        """Pixels that a point moves for one radian of the arc tangent of its row's line; None where the line itself is
+        the shift."""
+        ...
+
+    def lines(self, height: int) -> NDArray[np.float64]:
+        """Return (H, 2) slope and start of each row's line, slope * nearness + start, in a picture of H rows."""
         ...
 
     def moved(self, near: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray[np.float32]:

@@ -43,12 +43,22 @@ class SphericalRowDisparity:
         """True where what is nearer moves farther to the right."""
         return self.per_radian * float(self.slope.sum()) > 0.0
 
+    @property
+    def pixels_per_tangent(self) -> float:
+        """Pixels per radian of a row's arc tangent, as `RowLaw.pixels_per_tangent` says."""
+        return 2.0 * self.per_radian
+
+    def lines(self, height: int) -> NDArray[np.float64]:
+        """Return (H, 2) slope and start, as `RowLaw.lines` says; the picture's height is known."""
+        assert height == len(self.slope)
+        return np.stack([self.slope, self.start], axis=1)
+
     def moved(self, near: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray[np.float32]:
         """Return the disparity (h, K), in pixels, of points with this nearness (h, K) in these rows (h,)."""
         slope, start = (values[rows].astype(np.float32)[:, None] for values in (self.slope, self.start))
         with np.errstate(over="ignore"):
             angle = np.arctan(near * slope + start)
-        angle *= np.float32(2.0 * self.per_radian)
+        angle *= np.float32(self.pixels_per_tangent)
         return angle
 
 

@@ -1,9 +1,10 @@
 """How long the warp takes on the GPU, step by step, against numpy's.
 
-    python tests/bench/gpu_warp.py [--runs 5]
+    python tests/bench/gpu_warp.py [--runs 5] [--size 1920x1080] [--panoramas]
 
-The picture is the synthetic room, 1920 x 1080, seen by an off-axis and by a toed-in pair. As a whole the
-two are timed in turn. The steps are timed apart from that, each with a wait for the GPU after it.
+The picture is the synthetic room, seen by an off-axis and by a toed-in pair, or by pairs of panoramas. As a whole the
+two are timed in turn. The steps are timed apart from that, each with a wait for the GPU after it; those that NumPy
+does for the GPU are told so.
 """
 
 from __future__ import annotations
@@ -21,11 +22,9 @@ import bpy
 
 from stereo_reproject.blender.gpu import textures as gpu_textures
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from tests.bench.warp.scenes import eyes, room
+from tests.bench.warp.scenes import PANORAMAS, eyes, panoramic_eyes, room
 from tests.bench.warp.settings import MODES
 from tests.warp.pairs import warp_pair
-
-SIZE = (1920, 1080)
 
 
 def seconds(call) -> float:
@@ -51,6 +50,9 @@ def steps(call, runs: int) -> dict[str, float]:
 
     places = (
         (gpu_warp, "build_grid", "grid (numpy)"),
+        (gpu_warp, "lattice_corners", "corners (numpy)"),
+        (gpu_warp, "empty_reasons", "empty (numpy)"),
+        (gpu_warp, "target_depth", "depth (numpy)"),
         (gpu_warp, "uploaded", "upload"),
         (gpu_textures.ShaderRun, "create", "textures"),
         (gpu_textures.ShaderRun, "run", None),
@@ -84,12 +86,18 @@ def measure(source: dict, pair: tuple, interpolation: str, runs: int) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=5)
-    runs, name, source = parser.parse_args().runs, gpu_warp.usable(), room(*SIZE)
+    parser.add_argument("--size", default="1920x1080", metavar="WxH")
+    parser.add_argument("--panoramas", action="store_true")
+    options = parser.parse_args()
+    runs, name = options.runs, gpu_warp.usable()
+    width, height = (int(part) for part in options.size.split("x"))
+    source = room(width, height)
     if name is None:
         sys.exit(f"Blender {bpy.app.version_string} has no GPU here that warps")
     print(name)
-    for kind in MODES:
-        pair = eyes(*SIZE, kind)
+    seen_by = panoramic_eyes if options.panoramas else eyes
+    for kind in PANORAMAS if options.panoramas else MODES:
+        pair = seen_by(width, height, kind)
         for interpolation in ("linear", "cubic"):
             print(f"{kind}, {interpolation}: {measure(source, pair, interpolation, runs)}")
 

@@ -247,3 +247,14 @@ def test_wrong_tiles_are_counted():
     off[:16, :16] += 0.5 / 255.0
     off[16:, 16:32] += 2.0 / 255.0
     assert wrong_tiles(untone(off), untone(still), untone(still)) == 0.125
+
+
+def test_where_the_sides_of_a_whole_turn_lie_changes_nothing():
+    """No measure looks at neighbours, and a picture turned by whole tiles has the same ones."""
+    pictures = [np.ascontiguousarray(noisy(seed)[:, :240]) for seed in range(3)]
+    pictures[0][40:60, :9] += 0.5
+    turned = [np.roll(each, 5 * 16, axis=1) for each in pictures]
+    share = np.ones(pictures[0].shape[:2])
+    for measure in (noise_ratio, worst_tiles, wrong_tiles):
+        assert measure(*turned) == pytest.approx(measure(*pictures))
+    assert honest_ratio(*turned, share) == pytest.approx(honest_ratio(*pictures, share))

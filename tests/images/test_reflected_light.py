@@ -65,3 +65,20 @@ def test_light_that_comes_as_few_bright_samples_keeps_its_mean(share):
 def test_small_pictures_have_no_sparks_where_all_is_alike(size):
     light = np.full((*size, 3), 0.5, np.float32)
     assert without_sparks(light) is light
+
+
+def test_a_highlight_across_the_sides_of_a_whole_turn_stays():
+    light = grey()
+    light[30, 0] = light[30, -1] = 50.0
+    assert without_sparks(light, wraps=True) is light
+    assert without_sparks(light).max() < 1.0
+
+
+@pytest.mark.parametrize("turn", [1, 20, 40, 79])
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.05])
+def test_where_the_sides_of_a_whole_turn_lie_changes_nothing(turn, share):
+    bright = np.random.default_rng(3).random((*SIZE, 1)) < share
+    light = np.where(bright, np.float32(3.0), np.float32(0.01)).repeat(3, axis=2)
+    turned = without_sparks(np.roll(light, turn, axis=1), wraps=True)
+    np.testing.assert_allclose(turned, np.roll(without_sparks(light, wraps=True), turn, axis=1), rtol=1e-4)
+    assert tone(turned).mean() == pytest.approx(tone(light).mean(), rel=MAX_MEAN_CHANGE)

@@ -1,5 +1,7 @@
 """Scenes that other people made, rendered once: the GPU and numpy make the same of them."""
 
+from dataclasses import replace
+
 import bpy  # noqa: F401 - there is no gpu before it
 import numpy as np
 import pytest
@@ -39,7 +41,7 @@ class WarpedError(Exception):
     """The source is rendered, and nothing else is wanted."""
 
 
-def rendered(blend, folder, interocular, convergence):
+def rendered(blend, folder, **overrides):
     """What is handed to the warp: the sources, the target, the accuracy and the options."""
     handed = []
 
@@ -47,29 +49,21 @@ def rendered(blend, folder, interocular, convergence):
         handed.append((*arguments, options))
         raise WarpedError
 
-    overrides = SceneOverrides(
-        size=(160, 90),
-        samples=2,
-        interocular_distance=interocular,
-        convergence_distance=convergence,
-        denoise=False,
-    )
     scene = open_blend(blend)
+    small = SceneOverrides(samples=2, denoise=False, **overrides)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(warping, "reproject", taken)
         with pytest.raises(WarpedError):
-            render_frame(folder, StereoSettings(warp="numpy", scene=overrides), scene=scene)
+            render_frame(folder, StereoSettings(warp="numpy", scene=small), scene=scene)
     return handed[0]
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
-    blend = shared_scenes / name / f"{name}.blend"
-    sources, target, _, options = rendered(blend, tmp_path / "pair", *EYES[name])
+def assert_agreement(sources, target, options):
+    """Of the eye itself, and of one that is turned, so that rows are not enough."""
     assert np.isfinite(sources[0].depth).mean() > 0.2, "there is something in it"
     eye = target.camera
     turned = eye.world_from_camera @ pose((0.0, 0.0, 0.0), yaw=0.02, pitch=0.01, roll=0.01)
-    others = View("turned", type(eye)(eye.width, eye.height, turned, eye.plane))
+    others = View("turned", replace(eye, world_from_camera=turned))
     for other in (target, others):
         for accuracy in ("balanced", "exact"):
             ours, numpys = (
@@ -78,3 +72,28 @@ def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
             )
             assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")
             assert assert_keeps_its_promise(ours, numpys) > TOLD
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
+    blend, (interocular, convergence) = shared_scenes / name / f"{name}.blend", EYES[name]
+    eyes = {"interocular_distance": interocular, "convergence_distance": convergence}
+    sources, target, _, options = rendered(blend, tmp_path / "pair", size=(160, 90), **eyes)
+    assert_agreement(sources, target, options)
+
+
+@pytest.mark.parametrize(
+    ("name", "panorama", "size"),
+    [
+        ("living-room", "vr180", (144, 144)),
+        ("classroom", "vr180", (144, 144)),
+        ("bathroom", "vr360", (192, 96)),
+        ("meadow", "vr360", (192, 96)),
+    ],
+)
+def test_they_agree_on_panoramas(shared_scenes, tmp_path, name, panorama, size):
+    blend, interocular = shared_scenes / name / f"{name}.blend", EYES[name][0]
+    sources, target, _, options = rendered(
+        blend, tmp_path / "pair", size=size, panorama=panorama, interocular_distance=interocular
+    )
+    assert_agreement(sources, target, options)

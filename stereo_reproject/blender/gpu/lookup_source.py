@@ -81,7 +81,7 @@ VALUE blended(vec2 place) {
       float weight = across[column] * along[row];
       if (weight != 0.0) {
         ivec2 pixel = ivec2(start) + ivec2(column, row) - REACH;
-        VALUE value = value_at(clamp(pixel, ivec2(0), source_size - 1));
+        VALUE value = value_at(ivec2(column_at(pixel.x), clamp(pixel.y, 0, source_size.y - 1)));
         total += value * weight;
         least = min(least, value);
         most = max(most, value);
@@ -123,7 +123,7 @@ void main() {
 }
 """
 
-# composite._target_depth
+# composite.target_depth
 NEARNESS_THERE = """
 float value_at(ivec2 pixel) {
   float depth = texelFetch(depth_map, pixel, 0).x;

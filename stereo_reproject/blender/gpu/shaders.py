@@ -23,6 +23,7 @@ from .warp_source import (
     QUAD,
     RAY,
     SETTLED,
+    SIDES,
     SPLIT,
     TORN,
     VERTICES,
@@ -32,8 +33,9 @@ SAMPLERS = {
     "depth_map": "FLOAT_2D",  # (H, W) of the source
     "split_map": "FLOAT_2D",  # a texel for each cell: above 0 where it is subdivided
     "cut_map": "UINT_2D",  # (H, W): 1 torn from the next pixel in the row, 2 in the column, 4 without a depth
+    "line_map": "FLOAT_2D",  # (H, 2): slope and start of the rows' shift by nearness, see scanline.RowLaw
     "corner_map": "FLOAT_2D",  # (H, W + 2): nearness and shift of the corners in the rows
-    "vertex_map": "FLOAT_2D",  # (H + 2, W + 2): target x and y, nearness there, and whether there is any
+    "vertex_map": "FLOAT_2D",  # (H + 2, W + 2): pixels moved right and down, nearness there, and whether there is any
     "owner_map": "INT_2D",  # of the target, as all that follow: who won
     "drawn_map": "INT_2D",  # minus the number of the quad that did
     "x_map": "FLOAT_2D",
@@ -65,7 +67,10 @@ CONSTANTS = {
     "cell_count": "IVEC2",
     "is_parallel": "INT",  # whether the rays are: orthographic cameras
     "disparity_scale": "FLOAT",
-    "shift_line": "VEC2",  # offset and change per nearness
+    "tangent_scale": "FLOAT",  # pixels per radian of the arc tangent of a row's line; 0 where that is the shift itself
+    "wraps": "INT",  # 1 where the source's right side goes on at its left, else 0
+    "period": "FLOAT",  # pixels of the target after which it shows the same direction again; 0 for never
+    "widest": "FLOAT",  # pixels, from which a quad is not drawn
     "key_way": "IVEC2",  # a key is 2 (x + y * interval), greater where nearer, and odd where it is shown
     "move_x": "VEC4",  # see warp._moves
     "move_y": "VEC4",
@@ -97,43 +102,55 @@ class Program:
 
 MOVES = ("move_x", "move_y", "move_depth", "move_scale")
 PLACED = ("x_image", "y_image", "near_image")
-_LOOKUP_CONSTANTS = ("source_size", "target_size", "texel_count", "source_fold", "target_fold")
+_LOOKUP_CONSTANTS = ("source_size", "wraps", "target_size", "texel_count", "source_fold", "target_fold")
 
 
 def _lookup(taps: int, lanes: int) -> Program:
     """Return the program that looks a picture up at the places of the map, with 1, 2 or 4 pixels (taps) along each
     axis, and 1 or 4 channels (lanes) at once.
     """
-    source, result = LOOKUP + BLENDED + LOOKED_UP, "result_image" if lanes == 1 else f"result{lanes}_image"
+    source, result = SIDES + LOOKUP + BLENDED + LOOKED_UP, "result_image" if lanes == 1 else f"result{lanes}_image"
     samplers = ("picture_map", "x_map", "y_map")
     return Program(source, samplers, (result,), _LOOKUP_CONSTANTS, taps=taps, lanes=lanes)
 
 
 PROGRAMS = {
-    "cuts": Program(NEARNESS + CUTS, ("depth_map",), ("cut_image",), ("source_size", "is_parallel", "disparity_scale")),
+    "cuts": Program(
+        NEARNESS + SIDES + CUTS,
+        ("depth_map",),
+        ("cut_image",),
+        ("source_size", "wraps", "is_parallel", "disparity_scale"),
+    ),
     "corners": Program(
-        NEARNESS + SPLIT + CORNERS,
-        ("depth_map", "split_map"),
+        NEARNESS + SIDES + SPLIT + CORNERS,
+        ("depth_map", "split_map", "line_map"),
         ("corner_image",),
-        ("source_size", "is_parallel", "shift_line"),
+        ("source_size", "wraps", "is_parallel", "tangent_scale"),
     ),
     "intervals": Program(
-        SPLIT + TORN + INTERVALS,
+        SIDES + SPLIT + TORN + INTERVALS,
         ("corner_map", "split_map", "cut_map"),
         ("owner_image",),
-        ("source_size", "target_size", "key_way"),
+        ("source_size", "target_size", "wraps", "key_way"),
     ),
-    "places": Program(PLACES, ("owner_map", "corner_map"), PLACED, ("target_size", "key_way")),
+    "places": Program(
+        SIDES + PLACES, ("owner_map", "corner_map"), PLACED, ("source_size", "target_size", "wraps", "key_way")
+    ),
     "vertices": Program(
-        NEARNESS + RAY + MOVE + VERTICES, ("depth_map",), ("vertex_image",), ("source_size", "is_parallel", *MOVES)
+        NEARNESS + RAY + MOVE + VERTICES,
+        ("depth_map",),
+        ("vertex_image",),
+        ("source_size", "is_parallel", *MOVES),
     ),
     "draw": Program(
-        SPLIT + TORN + QUAD + DRAW,
+        SIDES + SPLIT + TORN + QUAD + DRAW,
         ("vertex_map", "split_map", "cut_map"),
         ("owner_image", "drawn_image", "broad_image"),
-        ("source_size", "target_size", "cell_count", "quad_span", "to_settle"),
+        ("source_size", "target_size", "wraps", "cell_count", "quad_span", "to_settle", "period", "widest"),
     ),
-    "settled": Program(QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size")),
+    "settled": Program(
+        QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size", "wraps", "period")
+    ),
     "neighbours": Program(NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)),
     "flags": Program(
         RAY + MOVE + FLAGS,
@@ -142,10 +159,10 @@ PROGRAMS = {
         ("source_size", "target_size", "is_parallel", *MOVES),
     ),
     "depth": Program(
-        NEARNESS + NEARNESS_THERE + BLENDED + RAY + TARGET_DEPTH,
+        NEARNESS + NEARNESS_THERE + SIDES + BLENDED + RAY + TARGET_DEPTH,
         ("depth_map", "x_map", "y_map"),
         ("result_image",),
-        ("source_size", "target_size", "is_parallel", "move_depth", "move_scale"),
+        ("source_size", "target_size", "wraps", "is_parallel", "move_depth", "move_scale"),
         taps=2,
     ),
     **{

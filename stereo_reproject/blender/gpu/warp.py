@@ -17,35 +17,41 @@ import gpu
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images.passes import COLOUR_PASS, DEPTH_PASS
+from ...images.passes import DEPTH_PASS
 from ...views.camera import (
     Camera,
     OrthographicCamera,
-    PerspectiveCamera,
-    ViewPlane,
+    PlanarCamera,
     disparity_per_nearness,
+    goes_round,
+    is_planar,
     pixel_size,
     target_from_source,
 )
+from ...views.panorama import has_lens_edge
 from ...views.view import View
 from ...warp import warper
-from ...warp.composite import passes_seen
-from ...warp.forward import Warp
+from ...warp.composite import passes_seen, target_depth
+from ...warp.corners import lattice_corners
+from ...warp.empty import empty_reasons
+from ...warp.forward import Warp, with_nothing_beyond_lens
 from ...warp.grid import CELL_QUADS, Grid, build_grid
 from ...warp.options import WarpOptions
+from ...warp.quads import widest_quad
 from ...warp.rendered_view import RenderedView
-from ...warp.scanline import RowDisparity, row_disparity_of
+from ...warp.scanline import LARGEST_NEARNESS, RowLaw, row_law_of
 from ...warp.tuning import TUNING as WARP_TUNING
 from ...warp.warped_view import WarpedView
 from ...warp.warper import DEFAULTS, Warper
 from .context import in_silence, started
 from .textures import Constant, NoRoomError, ShaderRun, downloaded, fold, uploaded
+from .trial import are_alike, trials
 
 NO_INTERVAL_KEY, NO_QUAD_KEY = -1, -(2**31)
 """Keys of a pixel that nothing covers yet, smaller than any key of an interval, or of a quad."""
 
-MAX_TRIAL_DIFFERENCE, MAX_TRIAL_SHARE = 1e-3, 0.01
-"""Difference of a colour, and share of the few pixels of the trial, by which the GPU and NumPy may differ."""
+SAME_DEPTH: dict[str, Constant] = {"move_depth": (0.0, 0.0, 1.0, 0.0), "move_scale": (0.0, 0.0, 1.0, 0.0)}
+"""Those of `_moves` by which a point is as far from the target as from the source."""
 
 
 def usable() -> str | None:
@@ -69,15 +75,20 @@ _given_up: list[str] = []
 
 @cache
 def _tried() -> str | None:
-    """Return the GPU's name if it passes two small trials against NumPy; None if it does not, or if anything fails."""
+    """Return the GPU's name if it passes some small trials against NumPy; None if it does not, or if anything fails."""
     try:
         with in_silence():
-            if started() and _agrees(0.0, "linear") and _agrees(0.02, "cubic"):
+            if started() and all(_agrees(*trial) for trial in trials()):
                 return gpu.platform.renderer_get()
     # SystemError without a GPU, others where a driver fails; Exception itself is what a shader's compilation raises.
     except Exception:  # noqa: BLE001 - whatever it is, there is no GPU that works
         return None
     return None
+
+
+def _agrees(source: RenderedView, target: View, options: WarpOptions) -> bool:
+    """Return whether the GPU warps a small picture as NumPy does."""
+    return are_alike(_warp_on_gpu(source, target, options), warper.warp_view(source, target, options))
 
 
 def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
@@ -100,8 +111,7 @@ def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULT
 def _fits(source: RenderedView, target: View) -> bool:
     """Return whether the shaders know these cameras, and the pictures are not too large for textures."""
     cameras = (source.camera, target.camera)
-    kind = type(source.camera)
-    if kind is not type(target.camera) or kind not in (PerspectiveCamera, OrthographicCamera):
+    if type(source.camera) is not type(target.camera):
         return False
     longest = max(max(camera.width, camera.height) for camera in cameras) + 2
     texels = {image.shape[-1] // _lanes(image) for image in source.passes.values()}
@@ -115,13 +125,17 @@ def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> Wa
     """
     camera, other = source.camera, target.camera
     grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=WARP_TUNING.tear_pixels)
-    shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid)
+    law = row_law_of(camera, other)
+    shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid, law)
     try:
         shaders.create("cut", _size(camera))
         shaders.run("cuts", _size(camera))
-        warp = _warped(shaders, camera, other)
-        empty = _empty(shaders, camera, other)
-        depth = _target_depth(shaders, camera, other)
+        if law is None:
+            _draw(shaders, source, other, grid)
+        else:
+            _along_rows(shaders, camera, other, law)
+        warp = _map(shaders, camera, other)
+        empty, depth = (step(shaders, source, other, warp) for step in (_empty, _target_depth))
 
         def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
             return _looked_up(shaders, image, how, other)
@@ -137,9 +151,11 @@ def _size(camera: Camera) -> tuple[int, int]:
     return camera.width, camera.height
 
 
-def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> ShaderRun:
-    """Return the run of all shaders of one warp: with its constants, the source's depth (H, W, 1) and the grid as
-    textures.
+def _shader_run(
+    depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid, law: RowLaw | None
+) -> ShaderRun:
+    """Return the run of all shaders of one warp: with its constants, and as textures the source's depth (H, W, 1), the
+    grid, and the map that is to be made. law is that of a pair whose rows match.
     """
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
@@ -148,80 +164,103 @@ def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid
         "cell_count": (columns, rows),
         "is_parallel": int(isinstance(source, OrthographicCamera)),
         "disparity_scale": disparity_per_nearness(source, target),
+        "wraps": int(goes_round(source)),
     }
-    split = uploaded(grid.subdivided.astype(np.float32), (columns, rows))
-    return ShaderRun(constants, {"depth": uploaded(depth, _size(source)), "split": split})
-
-
-def _warped(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
-    """Return the map from target to source. Its textures "x", "y" and "near" stay in the run for later shaders."""
-    disparity = row_disparity_of(source, target)
+    # Rows that go on beyond their sides are drawn without coarse cells.
+    subdivided = np.ones_like(grid.subdivided) if law is not None and law.wraps else grid.subdivided
+    split = uploaded(subdivided.astype(np.float32), (columns, rows))
+    shaders = ShaderRun(constants, {"depth": uploaded(depth, _size(source)), "split": split})
     for name in ("x", "y", "near"):
         shaders.create(name, _size(target))
-    if disparity is None:
-        _draw(shaders, source, target)
-    else:
-        _along_rows(shaders, source, target, disparity)
+    return shaders
+
+
+def _map(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
+    """Return the map from target to source that was drawn. Its textures "x", "y" and "near" stay in the run for later
+    shaders."""
     shaders.drop("cut", "split", "owner")
-    return Warp(*(downloaded(shaders.textures[name]) for name in ("x", "y", "near")))
+    drawn = Warp(*(downloaded(shaders.textures[name]) for name in ("x", "y", "near")))
+    if not (has_lens_edge(source) and has_lens_edge(target)):
+        return drawn
+    warp = with_nothing_beyond_lens(drawn, source, target)
+    shaders.textures |= {name: uploaded(getattr(warp, name), _size(target)) for name in ("x", "y")}
+    return warp
 
 
-def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, disparity: RowDisparity) -> None:
-    """Draw the rows of a rectified pair into the textures of the map, as `scanline.warp_rows` does."""
+def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, law: RowLaw) -> None:
+    """Draw the rows of a pair whose rows match into the textures of the map, as `scanline.warp_rows` does."""
     width, height = _size(source)
+    shaders.textures["line"] = uploaded(law.lines(height), (2, height))
     shaders.create("corner", (width + 2, height))
-    shaders.run("corners", (width + 2, height), shift_line=(disparity.offset, disparity.per_nearness))
+    shaders.run("corners", (width + 2, height), tangent_scale=law.pixels_per_tangent or 0.0)
     shaders.create("owner", _size(target), fill=NO_INTERVAL_KEY)
-    key_way = (width, -1) if disparity.per_nearness > 0.0 else (0, 1)
+    # Of a picture that goes on beyond its sides, intervals count from a turn before it to a turn after it.
+    turn = width * int(law.wraps)
+    key_way = (width + turn, -1) if law.grows else (turn, 1)
     shaders.run("intervals", (width + 1, height), key_way=key_way)
     shaders.run("places", _size(target), key_way=key_way)
-    shaders.drop("corner")
+    shaders.drop("corner", "line")
 
 
-def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
+def _draw(shaders: ShaderRun, source: RenderedView, target: Camera, grid: Grid) -> None:
     """Draw the grid's quads into the textures of the map, as `quads.draw_quads` does. Raises NoRoomError where a quad
     is too broad.
 
     The shaders do their own depth test: the GPU's would round corners to 1/256 pixel.
     """
-    width, height = _size(source)
-    moves = _moves(source, target)
-    shaders.create("vertex", (width + 2, height + 2))
-    shaders.run("vertices", (width + 2, height + 2), **moves)
+    width, height = _size(source.camera)
+    if is_planar(source.camera) and is_planar(target):
+        shaders.create("vertex", (width + 2, height + 2))
+        shaders.run("vertices", (width + 2, height + 2), **_moves(source.camera, target))
+        period, widest = 0.0, LARGEST_NEARNESS
+    else:
+        corners = lattice_corners(source.depth, source.camera, target, grid)
+        shaders.textures["vertex"] = uploaded(corners, (width + 2, height + 2), lanes=4)
+        period, widest = target.period_px if np.isfinite(target.period_px) else 0.0, widest_quad(target)
     for name in ("owner", "drawn"):
         shaders.create(name, _size(target), fill=NO_QUAD_KEY)
     broad = shaders.create("broad", (1, 1), fill=0)
+    coarse = (-(-(width + 1) // CELL_QUADS), -(-(height + 1) // CELL_QUADS))
+    places: dict[str, Constant] = {"period": period, "widest": widest}
     for to_settle in (0, 1):
-        shaders.run(
-            "draw",
-            (-(-(width + 1) // CELL_QUADS), -(-(height + 1) // CELL_QUADS)),
-            quad_span=CELL_QUADS,
-            to_settle=to_settle,
-        )
-        shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
-    shaders.run("settled", _size(target))
+        shaders.run("draw", coarse, quad_span=CELL_QUADS, to_settle=to_settle, **places)
+        shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle, **places)
+    shaders.run("settled", _size(target), period=period)
     if downloaded(broad).any():
         raise NoRoomError("a quad covers more pixels than one invocation of a shader should fill")
     shaders.drop("vertex", "drawn", "broad")
 
 
-def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """Return the `Reason` flags (H, W) of target pixels that the warp cannot answer for, as `empty.empty_reasons` does.
-    Textures that only this step needs are dropped.
+def _empty(shaders: ShaderRun, source: RenderedView, target: Camera, warp: Warp) -> NDArray[np.uint16]:
+    """Return the `Reason` flags (H, W) of target pixels that the warp cannot answer for, as `empty.empty_reasons` does:
+    it does so itself for panoramas. Textures that only this step needs are dropped.
     """
+    camera = source.camera
+    if not (is_planar(camera) and is_planar(target)):
+        shaders.drop("near")
+        return empty_reasons(warp, camera, target)
     for name in ("before", "after"):
         shaders.create(name, _size(target))
     shaders.run("neighbours", (target.height, 1))
     flags = shaders.create("flag", _size(target))
-    shaders.run("flags", _size(target), **_moves(target, source))
+    shaders.run("flags", _size(target), **_moves(target, camera))
     shaders.drop("before", "after", "flag", "near")
     return downloaded(flags).astype(np.uint16)
 
 
-def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return the depth (H, W) that the target sees at each pixel, as `composite.warp_passes` computes it."""
+def _target_depth(shaders: ShaderRun, source: RenderedView, target: Camera, warp: Warp) -> NDArray[np.float32]:
+    """Return the depth (H, W) that the target sees at each pixel, as `composite.target_depth` computes it: it does so
+    itself for panoramas whose rows do not match."""
+    camera = source.camera
+    if is_planar(camera) and is_planar(target):
+        moves = _moves(camera, target)
+    elif row_law_of(camera, target) is not None:
+        moves = SAME_DEPTH
+    else:
+        shaders.drop("depth")
+        return target_depth(source.passes[DEPTH_PASS], warp, camera, target)
     result = shaders.create("result", _size(target))
-    shaders.run("depth", _size(target), **_moves(source, target))
+    shaders.run("depth", _size(target), **moves)
     shaders.drop("depth", "result")
     return downloaded(result)
 
@@ -250,7 +289,7 @@ def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target:
     return downloaded(result).reshape(target.height, target.width, channels)
 
 
-def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
+def _moves(source: PlanarCamera, target: PlanarCamera) -> dict[str, Constant]:
     """Return the coefficients by which the shaders compute how a point of the source moves on its way into the target.
 
     They are those of (x, y, 1, nearness or depth), with x and y in pixels from the middle of the picture. A place in
@@ -274,44 +313,3 @@ def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
     move_y[1] -= scale[2]
     rows = {"move_x": move_x, "move_y": move_y, "move_depth": -back, "move_scale": scale}
     return {name: tuple(row.tolist()) for name, row in rows.items()}
-
-
-def _agrees(yaw: float, interpolation: str) -> bool:
-    """Return whether the GPU warps a small picture as NumPy does. yaw turns the target's camera, in radians, so that
-    rows are not enough.
-    """
-    source, target = _trial(yaw)
-    options = WarpOptions(interpolation=interpolation, colour_interpolation="cubic")
-    ours, numpys = (warp(source, target, options) for warp in (_warp_on_gpu, warper.warp_view))
-    both = ours.warp.covered & numpys.warp.covered
-    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > MAX_TRIAL_DIFFERENCE
-    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= MAX_TRIAL_SHARE
-
-
-def _trial(yaw: float) -> tuple[RenderedView, View]:
-    """Return a small made-up source with passes of every kind, and the view to warp it to. yaw turns the target's
-    camera, in radians.
-    """
-    width, height = 45, 34
-    plane = ViewPlane(-0.5, 0.5, -0.4, 0.4)
-    x, y = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
-    depth = 4.0 + x + 0.5 * y
-    depth[5:20, 12:20], depth[:4, 30:], depth[25, 25] = 1.5, np.inf, np.nan
-    colour = np.stack([np.sin(9 * x + k) * np.cos(7 * y) for k in range(4)], axis=-1)
-    colour = colour.astype(np.float32)
-    # Every kind of lookup: what compiles here compiles later on.
-    passes = {
-        COLOUR_PASS: colour,
-        DEPTH_PASS: depth[..., None].astype(np.float32),
-        "Diffuse Color": colour[..., :3],
-        "An AOV": colour,
-        "Object Index": np.round(4.0 * colour[..., :1]),
-        "CryptoObject00": np.round(4.0 * colour),
-    }
-    turned = np.eye(4)
-    turned[0, (0, 2)], turned[2, (0, 2)], turned[0, 3] = (np.cos(yaw), np.sin(yaw)), (-np.sin(yaw), np.cos(yaw)), 0.2
-    source, target = (
-        View(name, PerspectiveCamera(width, height, pose, plane))
-        for name, pose in (("source", np.eye(4)), ("target", turned))
-    )
-    return RenderedView(source, passes), target

@@ -10,6 +10,7 @@ from __future__ import annotations
 from ...images.bands import BAND_PIXELS
 from ...images.reasons import Reason
 from ...views.camera import OrthographicCamera
+from ...warp.corners import CORNER_ROUNDING
 from ...warp.grid import CELL_QUADS
 from ...warp.quads import LARGEST_AREA_PIXELS
 from ...warp.scanline import FARTHEST_PIXELS, LARGEST_NEARNESS
@@ -25,6 +26,7 @@ COMMON = f"""
 #define LARGEST_AREA {float(LARGEST_AREA_PIXELS)}
 #define SKY_DEPTH {float(OrthographicCamera.SKY_DEPTH)}
 #define SKY_BEGIN {float(OrthographicCamera.SKY_DEPTH * (1.0 - OrthographicCamera.SKY_ROUNDING))}
+#define CORNER_ROUNDING {CORNER_ROUNDING}
 #define EDGE_TOLERANCE {float(WARP_TUNING.edge_tolerance)}
 #define DISOCCLUDED {Reason.DISOCCLUDED.value}u
 #define OUTSIDE {Reason.OUTSIDE.value}u
@@ -46,6 +48,14 @@ bool is_nowhere(float value) {{ return floatBitsToUint(value) == 0xff800000u; }}
 
 NEARNESS = """
 float nearness_of(float depth) { return is_parallel != 0 ? -min(depth, SKY_DEPTH) : 1.0 / depth; }
+"""
+
+SIDES = """
+// The column of the source at a place up to a width beyond its sides: repeated there, or where the picture goes on.
+int column_at(int x) {
+  int on = x < 0 ? x + source_size.x : x >= source_size.x ? x - source_size.x : x;
+  return clamp(wraps != 0 ? on : x, 0, source_size.x - 1);
+}
 """
 
 RAY = """
@@ -73,10 +83,11 @@ TORN = """
 // The quad below and to the right of lattice vertex (x, y).
 bool is_torn(ivec2 quad) {
   ivec2 last = source_size - 1;
-  ivec2 here = clamp(quad - 1, ivec2(0), last), next = clamp(quad, ivec2(0), last);
+  ivec2 here = ivec2(column_at(quad.x - 1), clamp(quad.y - 1, 0, last.y));
+  ivec2 next = ivec2(column_at(quad.x), clamp(quad.y, 0, last.y));
   uint a = texelFetch(cut_map, here, 0).x, b = texelFetch(cut_map, ivec2(next.x, here.y), 0).x;
   uint c = texelFetch(cut_map, ivec2(here.x, next.y), 0).x, d = texelFetch(cut_map, next, 0).x;
-  bool right = quad.x > 0 && ((a | c) & CUT_RIGHT) != 0u;
+  bool right = (wraps != 0 || quad.x > 0) && ((a | c) & CUT_RIGHT) != 0u;
   bool down = quad.y > 0 && ((a | b) & CUT_DOWN) != 0u;
   return right || down || ((a | b | c | d) & NO_DEPTH) != 0u;
 }
@@ -85,6 +96,7 @@ bool is_torn(ivec2 quad) {
 # discontinuities.disparity_steps
 CUTS = """
 float disparity_at(ivec2 pixel) {
+  if (wraps != 0) pixel.x = column_at(pixel.x);
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, source_size))) return NO_NUMBER;
   float depth = texelFetch(depth_map, pixel, 0).x;
   return is_nan(depth) ? NO_NUMBER : clamp(nearness_of(depth) * disparity_scale, -LARGEST, LARGEST);
@@ -116,7 +128,8 @@ void main() {
 # scanline._corners, scanline._RowSegments._moved
 CORNERS = """
 float nearness_at(ivec2 vertex) {
-  return nearness_of(texelFetch(depth_map, clamp(vertex - 1, ivec2(0), source_size - 1), 0).x);
+  ivec2 pixel = ivec2(column_at(vertex.x - 1), clamp(vertex.y - 1, 0, source_size.y - 1));
+  return nearness_of(texelFetch(depth_map, pixel, 0).x);
 }
 float end_nearness(int column, int row) {
   bool fine = is_split(ivec2(min(column, source_size.x), row)) || (column > 0 && is_split(ivec2(column - 1, row)));
@@ -127,44 +140,67 @@ float end_nearness(int column, int row) {
   float last = clamp(nearness_at(ivec2(column, bottom)), -LARGEST, LARGEST);
   return first * (1.0 - down) + last * down;
 }
-float nearness_within(int column, int row) {
+// To the last digits, which the built-in one need not have. Source: Cephes, atanf.
+float arc_tangent(float value) {
+  float x = abs(value), angle = 0.0;
+  if (x > 2.414213562373095) {
+    angle = 1.5707963267948966;
+    x = -1.0 / x;
+  } else if (x > 0.4142135623730950) {
+    angle = 0.7853981633974483;
+    x = (x - 1.0) / (x + 1.0);
+  }
+  float z = x * x;
+  angle += (((8.05374449538e-2 * z - 1.38776856032e-1) * z + 1.99777106478e-1) * z - 3.33329491539e-1) * z * x + x;
+  return value < 0.0 ? -angle : angle;
+}
+// Nearness and shift.
+vec2 end_of(int column, int row) {
+  float near_by = end_nearness(column, row);
+  near_by = is_nan(near_by) ? 0.0 : clamp(near_by, -LARGEST, LARGEST);
+  ivec2 line = ivec2(0, row - 1);
+  float shift = texelFetch(line_map, line, 0).x * near_by + texelFetch(line_map, line + ivec2(1, 0), 0).x;
+  if (tangent_scale != 0.0) shift = tangent_scale * arc_tangent(shift);
+  return vec2(near_by, clamp(shift, -FARTHEST, FARTHEST));
+}
+vec2 within_cell(int column, int row) {
   int left = column / CELL_QUADS * CELL_QUADS, right = min(left + CELL_QUADS, source_size.x + 1);
-  float across = float(column - left) / float(right - left);
-  float first = end_nearness(left, row), last = end_nearness(right, row);
-  return first + across * (last - first);
+  vec2 first = end_of(left, row), last = end_of(right, row);
+  return first + float(column - left) / float(right - left) * (last - first);
 }
 void main() {
   ivec2 corner = ivec2(gl_GlobalInvocationID.xy);
   if (corner.x >= source_size.x + 2 || corner.y >= source_size.y) return;
   int column = corner.x, row = corner.y + 1;
   bool inside = column % CELL_QUADS != 0 && column <= source_size.x && !is_split(ivec2(column, row));
-  float near_by = inside ? nearness_within(column, row) : end_nearness(column, row);
-  near_by = is_nan(near_by) ? 0.0 : clamp(near_by, -LARGEST, LARGEST);
-  float shift = clamp(shift_line.x + shift_line.y * near_by, -FARTHEST, FARTHEST);
-  imageStore(corner_image, corner, vec4(near_by, shift, 0.0, 0.0));
+  imageStore(corner_image, corner, vec4(inside ? within_cell(column, row) : end_of(column, row), 0.0, 0.0));
 }
 """
 
 # scanline._RowSegments._nearest
 INTERVALS = """
-// Whether nothing of it is drawn, for it is torn.
-bool is_open(ivec2 interval) {
-  ivec2 below = interval + ivec2(0, 1);
-  if (interval.x < 0 || interval.x > source_size.x || !is_split(below)) return false;
-  return is_torn(interval) && is_torn(below);
+// Whether nothing of it is drawn, for it is torn. Beyond the sides there is none: where rows go on there, the last
+// interval is the first one once more, and knows the neighbours that the other has not.
+bool is_open(int column, int row) {
+  if (column < 0 || column > source_size.x || !is_split(ivec2(column, row + 1))) return false;
+  return is_torn(ivec2(column, row)) && is_torn(ivec2(column, row + 1));
 }
 void main() {
-  ivec2 interval = ivec2(gl_GlobalInvocationID.xy), right_of = ivec2(1, 0);
-  if (interval.x > source_size.x || interval.y >= source_size.y) return;
+  ivec2 interval = ivec2(gl_GlobalInvocationID.xy);
+  int column = interval.x, row = interval.y;
+  if (column > source_size.x || row >= source_size.y || is_open(column, row)) return;
   float left = texelFetch(corner_map, interval, 0).y, right = texelFetch(corner_map, interval + ivec2(1, 0), 0).y;
-  int first = interval.x - 1 + int(ceil(is_open(interval - right_of) ? left - EDGE_TOLERANCE : left));
-  int end = interval.x + (is_open(interval + right_of) ? int(floor(right + EDGE_TOLERANCE)) + 1 : int(ceil(right)));
-  if (first == end || is_open(interval)) return;
+  int first = column - 1 + int(ceil(is_open(column - 1, row) ? left - EDGE_TOLERANCE : left));
+  int end = column + (is_open(column + 1, row) ? int(floor(right + EDGE_TOLERANCE)) + 1 : int(ceil(right)));
   // What is overstretched or seen from its other side has nothing to show, but hides what is behind it.
   bool shown = first < end && 1.0 + right - left < MAX_STRETCH;
-  int low = max(min(first, end), 0), high = min(max(first, end), target_size.x);
-  int key = !shown && high - low > BROAD ? HIGHEST : 2 * (key_way.x + key_way.y * interval.x) + (shown ? 1 : 0);
-  for (int x = low; x < high; x++) imageAtomicMax(owner_image, ivec2(x, interval.y), key);
+  // Once, or in each of the turns that the picture may show.
+  for (int turn = -wraps; turn <= wraps; turn++) {
+    int by = turn * source_size.x;
+    int low = max(min(first, end) + by, 0), high = min(max(first, end) + by, target_size.x);
+    int key = !shown && high - low > BROAD ? HIGHEST : 2 * (key_way.x + key_way.y * (column + by)) + (shown ? 1 : 0);
+    for (int x = low; x < high; x++) imageAtomicMax(owner_image, ivec2(x, row), key);
+  }
 }
 """
 
@@ -176,12 +212,13 @@ void main() {
   int key = texelFetch(owner_map, pixel, 0).x;
   float x = NO_NUMBER, y = NO_NUMBER, near_by = NOWHERE;
   if (key >= 0 && (key & 1) != 0) {
-    int interval = (key / 2 - key_way.x) * key_way.y;
-    vec2 left = texelFetch(corner_map, ivec2(interval, pixel.y), 0).xy;
-    vec2 right = texelFetch(corner_map, ivec2(interval + 1, pixel.y), 0).xy;
+    int interval = (key / 2 - key_way.x) * key_way.y, column = wraps != 0 ? column_at(interval) : interval;
+    vec2 left = texelFetch(corner_map, ivec2(column, pixel.y), 0).xy;
+    vec2 right = texelFetch(corner_map, ivec2(column + 1, pixel.y), 0).xy;
     float wide = 1.0 + right.y - left.y;
     float along = wide > 0.0 ? clamp((float(pixel.x + 1 - interval) - left.y) / wide, 0.0, 1.0) : 0.0;
     x = (float(interval) - 0.5) + along;
+    if (wraps != 0) x -= float(source_size.x) * floor(x / float(source_size.x));
     y = float(pixel.y) + 0.5;
     near_by = left.x + along * (right.x - left.x);
   }
@@ -191,7 +228,7 @@ void main() {
 }
 """
 
-# quads._project
+# corners.project_corners; of panoramas numpy projects the corners
 VERTICES = """
 void main() {
   ivec2 vertex = ivec2(gl_GlobalInvocationID.xy);
@@ -201,13 +238,23 @@ void main() {
   vec4 ray = ray_at(position - 0.5 * vec2(source_size), nearness_of(depth));
   float near_by = is_parallel != 0 ? -min(depth_of(ray), SKY_DEPTH) : ray.w / scale_of(ray);
   bool known = !is_nan(depth) && is_ahead(ray) && is_finite(near_by);
-  vec2 place = position + moved_by(ray);
-  imageStore(vertex_image, vertex, known ? vec4(place, near_by, 1.0) : vec4(0.0));
+  // Quads that share a corner have it in one place, from wherever they count: whole pixels are added without rounding.
+  vec2 moved = floor(moved_by(ray) / CORNER_ROUNDING + 0.5) * CORNER_ROUNDING;
+  imageStore(vertex_image, vertex, known ? vec4(moved, near_by, 1.0) : vec4(0.0));
 }
 """
 
 # quads._triangles, and what quads._Surface._fill makes of them
 QUAD = """
+// Where a corner lands, counted from the place of the quad's first corner in the source: small numbers are exact.
+vec4 corner_at(ivec2 vertex, ivec2 start) {
+  return texelFetch(vertex_map, vertex, 0) + vec4(vec2(vertex - start), 0.0, 0.0);
+}
+// quads._all_around: corners beside the first one, where the picture's angles begin anew.
+vec4 beside(vec4 corner, float first) {
+  if (period > 0.0) corner.x -= period * floor((corner.x - first) / period + 0.5);
+  return corner;
+}
 struct Triangle { vec3 origin; vec3 along_u; vec3 along_v; float determinant; bool drawn; bool hides; };
 Triangle triangle_of(vec3 origin, vec3 end_u, vec3 end_v, float area) {
   vec3 u = end_u - origin, v = end_v - origin;
@@ -253,31 +300,22 @@ bool is_beside_tear(ivec2 quad) {
       if (texelFetch(vertex_map, ivec2(x, y), 0).w < 0.5) return true;
   return false;
 }
-void main() {
-  ivec2 start = ivec2(gl_GlobalInvocationID.xy) * quad_span;
-  if (start.x > source_size.x || start.y > source_size.y) return;
-  bool fine = quad_span == 1;
-  if (is_split(start) != fine) return;
-  ivec2 end = min(start + quad_span, source_size + 1);
-  vec4 a = texelFetch(vertex_map, start, 0), b = texelFetch(vertex_map, ivec2(end.x, start.y), 0);
-  vec4 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0), d = texelFetch(vertex_map, end, 0);
-  if (min(min(a.w, b.w), min(c.w, d.w)) < 0.5) return;
-  vec2 size = vec2(end - start);
-  Triangle upper = triangle_of(a.xyz, b.xyz, c.xyz, size.x * size.y);
-  Triangle lower = triangle_of(d.xyz, c.xyz, b.xyz, size.x * size.y);
-  if (!upper.drawn && !lower.drawn) return;
-  if (fine && is_torn(start)) return;
-  float margin = !fine || is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
+void draw_at(vec3 a, vec3 b, vec3 c, vec3 d, ivec2 start, vec2 size, float margin) {
   vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
-  ivec2 first = ivec2(clamp(ceil(low - 0.5), vec2(0.0), vec2(target_size)));
-  ivec2 stop = ivec2(clamp(ceil(high - 0.5), vec2(0.0), vec2(target_size)));
+  vec2 none = -vec2(start), whole = vec2(target_size - start);
+  ivec2 first = start + ivec2(clamp(ceil(low - 1.0), none, whole));
+  ivec2 stop = start + ivec2(clamp(ceil(high - 1.0), none, whole));
+  if (any(equal(first, stop))) return;
+  Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
+  if (!upper.drawn && !lower.drawn) return;
   if ((stop.x - first.x) * (stop.y - first.y) > MOST) {
     imageAtomicMax(broad_image, ivec2(0), 1u);
     return;
   }
+  bool fine = quad_span == 1;
   for (int y = first.y; y < stop.y; y++) {
     for (int x = first.x; x < stop.x; x++) {
-      vec2 centre = vec2(x, y) + 0.5;
+      vec2 centre = vec2(ivec2(x, y) - start) + 1.0;
       vec2 uv = within(upper, centre);
       bool in_upper = is_in_upper(upper, uv);
       if (!in_upper && !lower.drawn) continue;
@@ -291,23 +329,46 @@ void main() {
     }
   }
 }
+void main() {
+  ivec2 start = ivec2(gl_GlobalInvocationID.xy) * quad_span;
+  if (start.x > source_size.x || start.y > source_size.y) return;
+  bool fine = quad_span == 1;
+  if (is_split(start) != fine) return;
+  ivec2 end = min(start + quad_span, source_size + 1);
+  vec4 a = corner_at(start, start), b = beside(corner_at(ivec2(end.x, start.y), start), a.x);
+  vec4 c = beside(corner_at(ivec2(start.x, end.y), start), a.x), d = beside(corner_at(end, start), a.x);
+  if (min(min(a.w, b.w), min(c.w, d.w)) < 0.5 || (fine && is_torn(start))) return;
+  // It is behind the camera, or the eye stands within.
+  if (max(max(a.x, b.x), max(c.x, d.x)) - min(min(a.x, b.x), min(c.x, d.x)) >= widest) return;
+  float margin = !fine || is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
+  int turns = period > 0.0 ? 1 : 0;
+  for (int turn = -turns; turn <= turns; turn++) {
+    vec3 by = vec3(float(turn) * period, 0.0, 0.0);
+    draw_at(a.xyz + by, b.xyz + by, c.xyz + by, d.xyz + by, start, vec2(end - start), margin);
+  }
+}
 """
 
 # quads._Surface.result
 SETTLED = """
 // Place and nearness.
-vec3 point_in(ivec2 start, bool fine, vec2 centre) {
+vec3 point_in(ivec2 start, bool fine, ivec2 pixel) {
+  vec2 centre = vec2(pixel - start) + 1.0;
   ivec2 end = fine ? start + 1 : min(start + CELL_QUADS, source_size + 1);
-  vec3 a = texelFetch(vertex_map, start, 0).xyz, b = texelFetch(vertex_map, ivec2(end.x, start.y), 0).xyz;
-  vec3 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0).xyz, d = texelFetch(vertex_map, end, 0).xyz;
+  vec4 a = corner_at(start, start), b = beside(corner_at(ivec2(end.x, start.y), start), a.x);
+  vec4 c = beside(corner_at(ivec2(start.x, end.y), start), a.x), d = beside(corner_at(end, start), a.x);
+  float middle = 0.5 * (min(min(a.x, b.x), min(c.x, d.x)) + max(max(a.x, b.x), max(c.x, d.x)));
+  vec3 by = vec3(period > 0.0 ? period * floor((centre.x - middle) / period + 0.5) : 0.0, 0.0, 0.0);
   vec2 size = vec2(end - start);
-  Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
+  Triangle upper = triangle_of(a.xyz + by, b.xyz + by, c.xyz + by, size.x * size.y);
+  Triangle lower = triangle_of(d.xyz + by, c.xyz + by, b.xyz + by, size.x * size.y);
   vec2 uv = within(upper, centre);
   // It was drawn: by one of the two, whatever rounding says of the diagonal here.
   bool in_upper = is_in_upper(upper, uv) || !lower.drawn;
   if (in_upper ? upper.hides : lower.hides) return vec3(NO_NUMBER, NO_NUMBER, NOWHERE);
   vec2 turned = within(lower, centre);
   vec2 place = vec2(start) - 0.5 + (in_upper ? uv : 1.0 - turned) * size;
+  if (wraps != 0) place.x -= float(source_size.x) * floor(place.x / float(source_size.x));
   return vec3(place, in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned));
 }
 void main() {
@@ -320,7 +381,7 @@ void main() {
     bool fine = of_its_kind < first_coarse;
     if (!fine) of_its_kind -= first_coarse;
     int width = source_size.x + 1;
-    point = point_in(ivec2(of_its_kind % width, of_its_kind / width), fine, vec2(pixel) + 0.5);
+    point = point_in(ivec2(of_its_kind % width, of_its_kind / width), fine, pixel);
   }
   imageStore(x_image, pixel, vec4(point.x));
   imageStore(y_image, pixel, vec4(point.y));

@@ -63,10 +63,12 @@ def check_vr(
 
 def vr_warnings(camera: bpy.types.Object | None, overrides: SceneOverrides) -> list[str]:
     """Return a line for what is not as a viewer with a headset needs it, where the overrides ask for a panorama: a
-    depth of field that is left out, and eyes that turn apart."""
+    depth of field that is left out, and eyes that turn apart. Of a camera that `check_vr` refuses nothing is said."""
     if overrides.panorama is None or camera is None or camera.type != "CAMERA":
         return []
     data, warnings = camera.data, []
+    if data.type == "PANO" and data.panorama_type != "EQUIRECTANGULAR":
+        return []
     if data.type == "PERSP" and data.dof.use_dof:
         how = f"the {NAMES[overrides.panorama]} panorama is sharp everywhere, since a headset cannot focus"
         warnings.append(f"depth of field is switched off: {how}")

@@ -84,7 +84,7 @@ def _renders_strips(scene: bpy.types.Scene) -> bool:
 
 def _cropped(scene: bpy.types.Scene, overrides: SceneOverrides) -> list[str]:
     """Return a warning when a render region makes frames smaller than the scene's own render would be; else an empty
-    list.
+    list. For headsets such a region is refused, and nothing is said of it.
     """
     size = {}
     if overrides.size is not None:
@@ -92,7 +92,7 @@ def _cropped(scene: bpy.types.Scene, overrides: SceneOverrides) -> list[str]:
     with changed(scene.render, **size):
         region = frame_region(scene.render)
     part, whole = f"{region.width} x {region.height}", f"{region.full_width} x {region.full_height}"
-    if scene.render.use_crop_to_border or part == whole:
+    if overrides.panorama is not None or scene.render.use_crop_to_border or part == whole:
         return []
     own = f"Blender's own have {whole}, empty outside of it, for Crop to Render Region is off"
     return [f"frames are cropped to the Render Region, {part} pixels: {own}"]

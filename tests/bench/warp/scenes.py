@@ -12,10 +12,25 @@ from numpy.typing import NDArray
 
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, Passes
 from stereo_reproject.views.camera import PerspectiveCamera, ViewPlane
+from stereo_reproject.views.panorama import PanoramicCamera
+from stereo_reproject.views.projections import Equirectangular, FisheyeEquidistant, Projection
+from stereo_reproject.views.spherical import SphericalStereo
 
 INTEROCULAR, CONVERGENCE = 0.065, 3.0
 VIEW_ANGLE = np.radians(60.0)
 """Of the picture's width."""
+
+_HALF, _WHOLE = (-np.pi / 2, np.pi / 2), (-np.pi, np.pi)
+PANORAMAS: dict[str, tuple[Projection, bool]] = {
+    "vr180": (Equirectangular(_HALF, _HALF), True),
+    "vr180, two lenses": (Equirectangular(_HALF, _HALF), False),
+    "vr360": (Equirectangular(_WHOLE, _HALF), True),
+    "vr360, two lenses": (Equirectangular(_WHOLE, _HALF), False),
+    "fisheye": (FisheyeEquidistant(np.pi), True),
+    "fisheye, two lenses": (FisheyeEquidistant(np.pi), False),
+}
+"""By name, a projection, and whether its eyes are those of spherical stereo. Equirectangular ones that are have rows
+that match; all others are drawn quad by quad."""
 
 POSTS = 24
 SEED = 5
@@ -38,6 +53,18 @@ def eyes(width: int, height: int, mode: str = "off-axis") -> tuple[PerspectiveCa
         PerspectiveCamera(width, height, np.eye(4), plane),
         PerspectiveCamera(width, height, world_from_target, seen),
     )
+
+
+def panoramic_eyes(width: int, height: int, kind: str) -> tuple[PanoramicCamera, PanoramicCamera]:
+    """The source's and the target's camera, one of PANORAMAS: two eyes of spherical stereo, or two plain lenses."""
+    projection, spherical = PANORAMAS[kind]
+    eyes = []
+    for offset in (-0.5 * INTEROCULAR, 0.5 * INTEROCULAR):
+        place, stereo = np.eye(4), SphericalStereo(offset, CONVERGENCE)
+        if not spherical:
+            place[0, 3], stereo = offset, None
+        eyes.append(PanoramicCamera(width, height, place, ViewPlane(0.0, 1.0, 0.0, 1.0), projection, stereo))
+    return eyes[0], eyes[1]
 
 
 def room(width: int, height: int) -> Passes:

@@ -246,6 +246,7 @@ def orthographic(scene):
 
 def fisheye(scene):
     scene.camera.data.type, scene.camera.data.panorama_type = "PANO", "FISHEYE_EQUIDISTANT"
+    scene.camera.data.stereo.use_spherical_stereo = True
 
 
 def by_eevee(scene):
@@ -273,6 +274,7 @@ def test_what_cannot_be_one_is_refused_in_a_line(scene, change, said):
     assert str(raised.value).startswith(said)
     assert "\n" not in str(raised.value)
     assert changes(before, whole_state(scene)) == {}
+    assert scene_warnings(scene, VR180) == [], "of what is not rendered nothing else is said"
 
 
 def test_a_border_around_all_is_no_crop(scene):
