@@ -184,7 +184,7 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
             raise BadInputError(
                 "--from-scene is of one frame: leave it out with --frames, or name one frame by --frame"
             )
-        if arguments.layout != VIEWS_LAYOUTS[0]:
+        if arguments.views_layout != VIEWS_LAYOUTS[0]:
             raise BadInputError("views of several frames are stored in a file each: leave --layout out with --frames")
         return
     given = {
@@ -213,7 +213,7 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
             arguments.display,
             from_scene=True,
             fresh=arguments.fresh,
-            layout=arguments.layout,
+            layout=arguments.views_layout,
         )
     views = views_settings(
         display=arguments.display,
@@ -224,7 +224,7 @@ def views_of(arguments: argparse.Namespace) -> ViewsSettings:
         quilt=arguments.quilt,
         aspect=arguments.aspect,
     )
-    return replace(views, fresh=arguments.fresh, layout=arguments.layout)
+    return replace(views, fresh=arguments.fresh, layout=arguments.views_layout)
 
 
 def add_views_arguments(parser: argparse.ArgumentParser) -> None:
@@ -309,6 +309,7 @@ def _add_views(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--layout",
+        dest="views_layout",
         type=str.lower,
         choices=VIEWS_LAYOUTS,
         default=VIEWS_LAYOUTS[0],
