@@ -23,7 +23,7 @@ from stereo_reproject.settings.views import ViewsSettings
 from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_compositor, rms
-from tests.render.test_fill import NOISE, defocus, lens_shift, shader_that_knows_the_camera
+from tests.render.test_fill import NOISE, PACKED, defocus, lens_shift, shader_that_knows_the_camera
 from tests.render.test_trace_requests import small_studio
 
 FROM_SCENE = ViewsSettings(0, from_scene=True)
@@ -85,25 +85,72 @@ def test_each_view_is_what_blender_renders(tmp_path):
         assert close.mean() > 0.95
 
 
-@pytest.mark.parametrize("change", [lens_shift, defocus, shader_that_knows_the_camera])
-def test_traced_pixels_are_those_of_a_whole_render(tmp_path, change):
-    scene = with_views(small_studio(tmp_path, change))
+def on_a_dolly(scene, turn=0.0):
+    """Have all cameras hang on an empty that moves while the shutter is open, and turns by so many radians a frame."""
+    dolly, frame = bpy.data.objects.new("Dolly", None), scene.frame_current
+    scene.collection.objects.link(dolly)
+    for item in [item for item in scene.objects if item.type == "CAMERA"]:
+        item.parent = dolly
+    for step in (-1, 1):
+        dolly.location.x, dolly.rotation_euler.z = 0.1 * step, turn * step
+        for name in ("location", "rotation_euler"):
+            dolly.keyframe_insert(name, frame=frame + step)
+    scene.frame_set(frame)
+    scene.render.use_motion_blur = True
+
+
+def on_a_turning_dolly(scene):
+    on_a_dolly(scene, turn=0.02)
+
+
+@pytest.mark.parametrize("packed_by", PACKED)
+@pytest.mark.parametrize("change", [lens_shift, defocus, shader_that_knows_the_camera, on_a_dolly, on_a_turning_dolly])
+def test_traced_pixels_are_those_of_a_whole_render(tmp_path, change, packed_by):
+    """Whether all views are traced in one render, or where that is not exact, each by its own camera."""
+    scene = small_studio(tmp_path)
+    if change in (lens_shift, defocus, shader_that_knows_the_camera):
+        change(scene)
+    with_views(scene)
+    if change in (on_a_dolly, on_a_turning_dolly):
+        change(scene)
     with working_scene(scene, SceneOverrides()) as working:
         rig = rig_of(scene, working, FROM_SCENE)
-        with rig.renderer(working, tmp_path, user_scene=scene, packed_by="auto") as renderer:
+        with rig.renderer(working, tmp_path, user_scene=scene, packed_by=packed_by) as renderer:
+            assert renderer.fill_blockers(10.0)["packed"] is None
             names = [rig.asked[rig.made.index(name)] for name in ("right", "mid dle")]
             shape = working.render.resolution_y, working.render.resolution_x
-            traced = renderer.trace("packed", [TraceRequest(name, np.ones(shape, bool)) for name in names])
-            for name, passes in zip(names, traced, strict=True):
-                whole, _ = renderer.render_source(name, probed=False)
-                renderer.own_seeds = {**renderer.own_seeds, name: 77}
-                again, _ = renderer.render_source(name, probed=False)
-                noise = rms(again[COLOUR_PASS] - whole[COLOUR_PASS])
-                assert noise > 0.0
-                colour = passes[COLOUR_PASS].reshape(whole[COLOUR_PASS].shape)
-                assert rms(colour - whole[COLOUR_PASS]) <= NOISE * noise
+            # Of the second trace, after whole renders, nothing of the first may be left in the scene.
+            for _ in range(2):
+                traced = renderer.trace("packed", [TraceRequest(name, np.ones(shape, bool)) for name in names])
+                for name, passes in zip(names, traced, strict=True):
+                    whole, _ = renderer.render_source(name, probed=False)
+                    renderer.own_seeds = {**renderer.own_seeds, name: renderer.own_seeds[name] + 77}
+                    again, _ = renderer.render_source(name, probed=False)
+                    noise = rms(again[COLOUR_PASS] - whole[COLOUR_PASS])
+                    assert noise > 0.0
+                    colour = passes[COLOUR_PASS].reshape(whole[COLOUR_PASS].shape)
+                    assert rms(colour - whole[COLOUR_PASS]) <= NOISE * noise
     assert scene.camera.name == "Rig_L"
     assert len(bpy.data.cameras) == len(LINE)
+    assert not [item for item in bpy.data.objects if item.name.startswith("stereo_reproject")]
+
+
+def test_what_a_portal_hangs_before_one_camera_is_seen_by_no_other(tmp_path):
+    """One camera looks at another one's place, in a scene whose views are traced one by one."""
+    scene = with_views(small_studio(tmp_path, shader_that_knows_the_camera))
+    front, back = scene.objects["Rig_R"], scene.objects["Rig_M"]
+    back.rotation_euler = front.rotation_euler
+    bpy.context.view_layer.update()
+    back.location = front.location + 0.5 * front.matrix_world.to_3x3().normalized().col[2]
+    with working_scene(scene, SceneOverrides()) as working:
+        rig = rig_of(scene, working, FROM_SCENE)
+        with rig.renderer(working, tmp_path, user_scene=scene, packed_by="portal") as renderer:
+            before, behind = (rig.asked[rig.made.index(name)] for name in ("right", "mid dle"))
+            shape = working.render.resolution_y, working.render.resolution_x
+            first, _ = renderer.render_source(behind, probed=False)
+            renderer.trace("packed", [TraceRequest(name, np.ones(shape, bool)) for name in (before, behind)])
+            again, _ = renderer.render_source(behind, probed=False)
+    np.testing.assert_array_equal(again[COLOUR_PASS], first[COLOUR_PASS])
 
 
 @pytest.mark.parametrize("quilt", [False, True])
@@ -140,7 +187,7 @@ def test_all_views_in_one_file(tmp_path):
     assert not any(name.startswith("views/") for name in files)
     image = bpy.data.images.load(str(out / "views.exr"))
     # Asked for its size, Blender opens it.
-    assert len(image.size) == 2
+    assert len(tuple(image.size)) == 2
     assert (image.type, image.is_multiview) == ("MULTILAYER", True)
 
 
@@ -188,6 +235,14 @@ def test_pictures_show_views_after_the_compositor(tmp_path):
     view = read_channels(out / "views" / "left.exr")
     assert view["R"].max() > 0.1
     np.testing.assert_allclose(quilt["R"][48:, :64], 0.5 * view["R"], rtol=1e-3, atol=1e-4)
+
+
+def test_two_views_that_are_neither_left_nor_right(tmp_path):
+    scene = with_views(small_studio(tmp_path), {"one": "_1", "two": "_2"})
+    settings = StereoSettings(scene=SceneOverrides(size=(32, 24), samples=1, denoise=False))
+    report, _ = render_views_files(scene, settings, FROM_SCENE, tmp_path)
+    assert [(view["name"], view["camera"]) for view in report["views"]] == [("one", "Rig_1"), ("two", "Rig_2")]
+    assert in_blenders_order(scene) == ["one", "two"]
 
 
 def no_multiview(scene):
