@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,35 +25,40 @@ from .view_plan import Gap, ViewCosts
 from .views_maker import FinishedView, PlanStep, ViewsMaker
 
 
+@dataclass(frozen=True)
+class WantedViews:
+    """The views that are wanted: their names, from the leftmost to the rightmost, at least two. fresh is the share, 0
+    to 1, of the warped pixels of made views that is traced anew; none is in denoised pictures."""
+
+    names: Sequence[str]
+    fresh: float = 0.0
+
+
 def render_many_views(
     renderer: Renderer,
     settings: StereoSettings,
-    names: Sequence[str],
+    wanted: WantedViews,
     on_view: Callable[[FinishedView], None],
     *,
-    fresh: float = 0.0,
     watch: Stopwatch | None = None,
     findings: SharedFindings | None = None,
     known_costs: Callable[[], TraceCosts] = TraceCosts,
 ) -> ViewsMaker:
-    """Render the views of these names, from the leftmost to the rightmost, and hand each to `on_view` when it is
-    finished; return the maker, which knows how they came about.
+    """Render views, and hand each to `on_view` when it is finished; return the maker, which knows how they came about.
 
-    fresh is the share, 0 to 1, of the warped pixels of made views that is traced anew; none is in denoised pictures.
-    The other parameters are those of `render_stereo_frame`. At least two names are needed. Raises
-    StereoReprojectError when a render fails.
+    The other parameters are those of `render_stereo_frame`. Raises StereoReprojectError when a render fails.
     """
     rig = Rig.of_cameras(renderer.cameras, renderer.motion)
     maker = ViewsMaker(
         renderer,
         settings,
-        [rig[name] for name in names],
+        [rig[name] for name in wanted.names],
         accuracy_of(settings),
         watch or Stopwatch(),
         known_costs,
         on_view,
         # Alone in a denoised picture, a traced pixel stands out.
-        FreshPixels(fresh if renderer.denoise is None else 0.0, renderer.seed),
+        FreshPixels(wanted.fresh if renderer.denoise is None else 0.0, renderer.seed),
         findings=findings or SharedFindings(),
     )
     _make_all(maker)

@@ -8,7 +8,7 @@ import pytest
 from stereo_reproject.estimate.shared_noise import shared_noise
 from stereo_reproject.images.metrics import honest_ratio, tone
 from stereo_reproject.images.passes import COLOUR_PASS
-from stereo_reproject.pipeline.many_views import render_many_views
+from stereo_reproject.pipeline.many_views import WantedViews, render_many_views
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.settings.views import view_names
 from stereo_reproject.trace.costs import TraceCosts
@@ -61,13 +61,12 @@ def caster(count, baseline, world=ROOM, noise=NOISE, **kept):
     return ViewsCaster(world, cameras, noise=noise, cost=SourceCost(seconds=100.0, sync_seconds=1.0), **kept)
 
 
-def made(renderer, accuracy="balanced", **options):
+def made(renderer, accuracy="balanced", fresh=0.0, **options):
     """Return the maker and the finished views of the renderer's cameras, in order."""
     views = []
     settings = StereoSettings(accuracy=accuracy)
-    maker = render_many_views(
-        renderer, settings, list(renderer.cameras), views.append, known_costs=TraceCosts, **options
-    )
+    wanted = WantedViews(list(renderer.cameras), fresh)
+    maker = render_many_views(renderer, settings, wanted, views.append, known_costs=TraceCosts, **options)
     return maker, sorted(views, key=lambda view: view.number)
 
 

@@ -17,7 +17,7 @@ from ...images.multi_view import write_multi_view
 from ...images.passes import COLOUR_PASS
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import ALL_VIEWS, HOLES_FOLDER, VIEWS_FOLDER
-from ...pipeline.many_views import render_many_views
+from ...pipeline.many_views import WantedViews, render_many_views
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
@@ -160,9 +160,8 @@ def render_views_of_frame(
             maker = render_many_views(
                 renderer,
                 settings,
-                rig.asked,
+                WantedViews(rig.asked, views.fresh),
                 on_view,
-                fresh=views.fresh,
                 watch=watch,
                 findings=None if shared is None else shared.findings(layer),
                 known_costs=costs,
