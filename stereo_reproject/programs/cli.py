@@ -304,11 +304,12 @@ COMMANDS = (
     ),
     Command(
         "views",
-        "Render many views of one frame, for light-field displays or by the scene's own cameras, also as a quilt.",
+        "Render many views of a frame, or of many: for light-field displays, or the scene's own. Puts them in a quilt.",
         "  %(prog)s room.blend --output out --display portrait\n"
         "  %(prog)s room.blend --output out --views 48 --cone 40 --size 420x560 --focus 2.5\n"
         "  %(prog)s room.blend --output out --views 12 --baseline 0.3 --quilt 4x3 --compare\n"
-        "  %(prog)s rig.blend --output out --from-scene --layout multi-view\n",
+        "  %(prog)s rig.blend --output out --from-scene --layout multi-view\n"
+        "  %(prog)s shot.blend --output out --display portrait --frames 1-240 --resume --movie\n",
         add_views_arguments,
         _views,
     ),
