@@ -25,7 +25,8 @@ from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
-from .run_words import progress_of, stage_of
+from .run import BackgroundJob
+from .run_words import progress_of, saved_so_far, stage_alone
 from .slots import content_now
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
@@ -45,15 +46,15 @@ ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 
 
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Draw a text, translated, in as many lines as it needs, since Blender cuts a label off where its panel ends. icon
-    stands before the first line.
+    """Draw a text, translated, in as many lines as it needs, since Blender cuts a label off where its panel ends; an
+    empty one takes a line. icon stands before the first line.
     """
     room = room_for_text(context)
     if icon != "NONE":
         room -= ICON_PX * context.preferences.system.ui_scale
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for k, line in enumerate(wrapped(shown(text), room, partial(text_width, context))):
+    for k, line in enumerate(wrapped(shown(text), room, partial(text_width, context)) or [""]):
         column.label(text=line, icon=icon if k == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
@@ -105,13 +106,21 @@ def draw_progress(column: bpy.types.UILayout) -> bool:
     return True
 
 
+def _draw_running(layout: bpy.types.UILayout, context: bpy.types.Context, run: BackgroundJob) -> None:
+    """Draw what the running job does, and of an animation what it has saved: a line of its own from the start on, so
+    that the buttons below stay where they are."""
+    if run.uid != context.scene.session_uid:
+        paragraph(layout, context, Words("Scene {name}:", name=repr(run.scene_name)))
+    paragraph(layout, context, stage_alone(run))
+    if run.animation is not None:
+        paragraph(layout, context, saved_so_far(run))
+
+
 def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what the running job does, or else the scene's last result: its picture's name, its verdict and warnings."""
     run = running()
     if run is not None:
-        if run.uid != context.scene.session_uid:
-            paragraph(layout, context, Words("Scene {name}:", name=repr(run.scene_name)))
-        paragraph(layout, context, stage_of(run))
+        _draw_running(layout, context, run)
         return
     _draw_kept(layout, context)
     result = result_of(context.scene)

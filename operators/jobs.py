@@ -13,7 +13,7 @@ from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, c
 from ..stereo_reproject.blender.scene.rig import check_camera, check_engine_shows
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.words import Words
-from . import slots, under_way
+from . import screen_here, slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
@@ -136,7 +136,7 @@ class JobOperator:
         run = running()
         if run is None:
             return {"CANCELLED"}
-        if event.type == "ESC" and event.value == "PRESS":
+        if ends_job(event):
             run.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
@@ -283,6 +283,11 @@ def _clear_status() -> None:
             workspace.status_text_set(None)
 
 
+def ends_job(event: bpy.types.Event) -> bool:
+    """Return whether an event of a window ends the running job: Esc, unless it puts an eyedropper away."""
+    return event.type == "ESC" and event.value == "PRESS" and not screen_here.is_out()
+
+
 class STEREO_REPROJECT_OT_listen(bpy.types.Operator):
     """Have Esc end the running job in this window too"""
 
@@ -300,7 +305,7 @@ class STEREO_REPROJECT_OT_listen(bpy.types.Operator):
         run = running()
         if run is None:
             return {"FINISHED", "PASS_THROUGH"}
-        if event.type == "ESC" and event.value == "PRESS":
+        if ends_job(event):
             run.cancel()
             return {"RUNNING_MODAL"}
         return {"PASS_THROUGH"}

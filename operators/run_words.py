@@ -43,12 +43,21 @@ def frame_words(run: BackgroundJob) -> str:
 
 def stage_of(run: BackgroundJob) -> str:
     """Return in words what a run is doing; of an animation with the time saved so far."""
+    stage, saved = stage_alone(run), saved_so_far(run)
+    return Words("{stage}, {saved}", stage=stage, saved=saved) if saved else stage
+
+
+def stage_alone(run: BackgroundJob) -> str:
+    """Return in words what a run is doing."""
     words = Words(run.stage_words.get(run.stage) or words_of(run.stage))
     if run.detail and not frame_words(run):
-        words = Words("{stage}, {detail}", stage=words, detail=run.detail)
-    if run.saved is not None:
-        words = Words("{stage}, {saved} so far", stage=words, saved=saved_words(run.saved))
+        return Words("{stage}, {detail}", stage=words, detail=run.detail)
     return words
+
+
+def saved_so_far(run: BackgroundJob) -> str:
+    """Return in words the time that an animation's frames have saved; "" before the first of them, and of others."""
+    return "" if run.saved is None else Words("{saved} so far", saved=saved_words(run.saved))
 
 
 def cancelled_words(run: BackgroundJob) -> str:

@@ -81,6 +81,8 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         default=USUAL_PERCENTAGE,
         min=1,
         max=100,
+        # Of the last pair it may be too small for this one.
+        options={"SKIP_SAVE"},
     )
     seconds: bpy.props.FloatProperty(
         name="Time per Eye (s)",
@@ -100,9 +102,8 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Open a File Browser, with a size at which depth is seen."""
-        sides = _sides_of_pair(context)
-        if sides is not None and not self.properties.is_property_set("percentage"):
-            self.percentage = usual_percentage(sides)
+        if not self.properties.is_property_set("percentage"):
+            self.percentage = usual_percentage(_sides_of_pair(context) or (0, 0))
         return set(super().invoke(context, event))
 
     def check(self, context: bpy.types.Context) -> bool:
@@ -150,7 +151,8 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
 
 
 def usual_percentage(sides: tuple[int, int]) -> int:
-    """Return the size of a wiggle, in percent of a pair of this width and height in pixels, unless one is chosen."""
+    """Return the size of a wiggle, in percent of a pair of this width and height in pixels, unless one is chosen; it is
+    100 where they are 0, not known."""
     return min(max(USUAL_PERCENTAGE, math.ceil(100.0 * LEAST_PX / max(*sides, 1))), 100)
 
 

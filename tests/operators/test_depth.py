@@ -1,6 +1,7 @@
 """The scene's depth on the screen: measured by ray casts, fitted, set by hand, drawn and warned about."""
 
 import math
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -521,3 +522,15 @@ def test_a_pair_for_a_headset_has_none_either(extension, scene):
         assert not getattr(bpy.ops.stereo_reproject, name).poll()
     scene.stereo_reproject.headset = "camera"
     assert parallax_now(scene)
+
+
+def test_esc_puts_an_eyedropper_away_before_it_ends_a_job(extension, monkeypatch):
+    from stereo_reproject_extension.operators import jobs, screen_here
+
+    pressed, released, other = (
+        SimpleNamespace(type=kind, value=value)
+        for kind, value in (("ESC", "PRESS"), ("ESC", "RELEASE"), ("A", "PRESS"))
+    )
+    assert [jobs.ends_job(event) for event in (pressed, released, other)] == [True, False, False]
+    monkeypatch.setattr(screen_here, "_out", ["stereo_reproject.set_screen_here"])
+    assert not jobs.ends_job(pressed)

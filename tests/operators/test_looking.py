@@ -346,3 +346,10 @@ def test_a_wiggle_is_not_smaller_than_depth_is_seen_at(extension, sides, percent
     from stereo_reproject_extension.operators.wiggle_export import usual_percentage
 
     assert usual_percentage(sides) == percentage
+
+
+def test_the_size_of_the_last_wiggle_is_not_that_of_the_next(extension):
+    """Of a small pair, the share of a large one would be too small to see depth in."""
+    properties = bpy.ops.stereo_reproject.export_wiggle.get_rna_type().properties
+    assert properties["percentage"].is_skip_save
+    assert not properties["seconds"].is_skip_save

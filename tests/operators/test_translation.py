@@ -25,7 +25,7 @@ TABLE = {
     "Frame {frame} ({place} of {count})": "Bild {frame}, {place}/{count}",
     "{share}, {left}": "{share}, {left}",
     "{time} left": "noch {time}",
-    "{stage}, {saved} so far": "{stage}, bisher {saved}",
+    "{saved} so far": "bisher {saved}",
     "Cancelled: {count} frames are finished and stay": "Abgebrochen: {count} Bilder bleiben",
     "To go on with the others, switch off Overwrite in Output first": "Dazu erst Überschreiben ausschalten",
     "Ending": "Endet",
