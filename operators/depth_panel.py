@@ -52,6 +52,8 @@ UNNAMED_CUT = {
 }
 """Message about what the frame cuts and has no name, as a pair shows it."""
 
+FLAT = "The interocular distance is 0: both eyes see the same, without depth."
+
 EDGES_UNKNOWN = "Not known if the frame's edges cut what is in front of the screen: Measure Depth finds out."
 
 LOWER = "Lower the interocular distance."
@@ -114,10 +116,12 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER", depress=is_out())
     layout.prop(scene.stereo_reproject, "show_depth", toggle=True, icon="VIEW3D")
+    # Below the buttons, which so stay where they are.
+    if scene.camera.data.stereo.interocular_distance == 0.0:
+        paragraph(layout, context, FLAT, icon="ERROR")
     if known is None or not found:
         layout.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, icon="FILE_REFRESH")
         return
-    # Below the buttons, which so stay where they are.
     result = result_of(scene)
     if result.fitted and result.fitted_to == distances_of(scene.camera.data):
         paragraph(layout, context, Words("Fitted. {line}.", line=result.fitted), icon="INFO")
@@ -134,7 +138,8 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     else:
         paragraph(column, context, when)
         column.operator(measure, icon="FILE_REFRESH")
-    percents = [parallax.percent for _, parallax in found]
+    # As the lines below have it: what is less than half a pixel from the screen is at it.
+    percents = [0.0 if abs(parallax.pixels) < 0.5 else parallax.percent for _, parallax in found]
     _draw_bar(column, min(percents), max(percents), limits)
     _draw_ends(column, context)
     for name, parallax in found:

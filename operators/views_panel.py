@@ -7,7 +7,7 @@ import bpy
 from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.report.views_verdict import verdicts_on_views
 from ..stereo_reproject.words import Words
-from .drawing import BUTTON_SCALE, ICONS, draw_progress, paragraph
+from .drawing import BUTTON_SCALE, ICONS, paragraph
 from .fitting import draw_setting
 from .results import DeliveredViews, result_of
 from .text import sentence, shown
@@ -32,8 +32,8 @@ class Views:
             paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(reason))), icon="ERROR")
         column = layout.column(align=True)
         column.scale_y = BUTTON_SCALE
-        if not draw_progress(column):
-            column.operator(RENDER_OT_stereo_reproject_views.bl_idname, text="Render Quilt", icon="MESH_GRID")
+        # While a job runs it is greyed out, for progress stands at the top of the panel.
+        column.operator(RENDER_OT_stereo_reproject_views.bl_idname, text="Render Quilt", icon="MESH_GRID")
         views = result_of(scene).views
         if views is not None:
             _draw_views(layout.box(), context, views)
@@ -59,8 +59,11 @@ def quilt_words(scene: bpy.types.Scene) -> Words:
     """Return in words the grid of the quilt that is chosen and the size of its views. Raises BadInputError."""
     views, region = views_settings_of(scene), frame_region(scene.render)
     width, height = views.view_size or (region.width, region.height)
+    columns, rows = views.columns, views.rows
     message = "{columns} x {rows} views of {width} x {height} pixels."
-    return Words(message, columns=views.columns, rows=views.rows, width=width, height=height)
+    if columns is not None and rows is not None and columns * rows > views.count:
+        message = "{columns} x {rows} places for {count} views of {width} x {height} pixels."
+    return Words(message, columns=columns, rows=rows, count=views.count, width=width, height=height)
 
 
 def _draw_views(box: bpy.types.UILayout, context: bpy.types.Context, views: DeliveredViews) -> None:

@@ -30,12 +30,16 @@ DEGREE_DECIMALS = 3
 
 
 MAKER = "Looking Glass "
-"""Beginning of the titles of displays that the list leaves out, since all have it."""
+"""Beginning of the titles of displays: in the list it is the heading above them, since all have it."""
 
 
 def _displays() -> list[tuple[str, str, str]]:
     """Return the items of the setting that says for which display the views are."""
-    items = [(OTHER, "Other", "Any display or print: set its views and its quilt, and the resolution in Output")]
+    items = [
+        (OTHER, "Other", "Any display or print: set its views and its quilt, and the resolution in Output"),
+        # Without a name of its own, an item is a heading.
+        ("", MAKER.strip(), ""),
+    ]
     for display in DISPLAYS.values():
         width, height = display.view_size()
         grid = f"{display.columns} x {display.rows} views of {width} x {height} pixels"

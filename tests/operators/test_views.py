@@ -286,7 +286,15 @@ def test_the_panel_has_the_grid_only_without_a_display(extension, scene):
     chosen.display, chosen.spacing, chosen.columns = "OTHER", "BASELINE", 10
     seen = drawn(scene)
     assert {"columns", "rows", "baseline"} <= set(seen)
-    assert "10 x 6 views of 48 x 36 pixels." in seen
+    assert "10 x 6 places for 48 views of 48 x 36 pixels." in seen
+    chosen.columns = 8
+    assert "8 x 6 views of 48 x 36 pixels." in drawn(scene)
+
+
+def test_the_list_of_displays_says_whose_they_are(extension, scene):
+    names = [item.name for item in scene.stereo_reproject.views.bl_rna.properties["display"].enum_items]
+    assert "Portrait" in names
+    assert not any("Looking Glass" in name for name in names)
 
 
 def test_the_panel_says_what_is_in_the_way_in_one_line(extension, scene):

@@ -7,7 +7,7 @@ import bpy
 from .rendered import CYCLES
 from .working import rendered_layer
 
-NO_DENOISER = "this Blender has no denoiser: both eyes stay noisy, as after F12"
+NO_DENOISER = "this Blender has no denoiser: pictures stay noisy, as after F12"
 """Warning about a scene that is to be denoised in a Blender that cannot."""
 
 
