@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..settings.accuracy import ROUNDING_VARIANCE
 from .evidence import TileEvidence
 
 CONFIDENCE_95_SIGMAS = 1.96
@@ -75,12 +76,14 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
 
     Both are (K + 1,): entry k is for the first k of the tiles `order` (K,) traced, entry 0 for none of them. order has
     indices of tiles. Tiles that are refined already count as the evidence has them. The error is that of a ratio of two
-    sums over the same probes (linearized), each tile a stratum.
+    sums over the same probes (linearized), each tile a stratum; where the noise is that of rounding, it is known, and
+    has no part in the error.
     """
     noise, weight = evidence.frame_noise, evidence.probes.weight
+    off = evidence.noise - evidence.mean_noise if evidence.mean_noise > ROUNDING_VARIANCE else np.zeros_like(weight)
     gone = np.concatenate([[0.0], np.cumsum(evidence.remaining[order])])
     excess = (evidence.remaining.sum() - gone) / noise
-    share = 2.0 * evidence.frame_area * weight * (evidence.noise - evidence.mean_noise) / weight.sum() / noise
+    share = 2.0 * evidence.frame_area * weight * off / weight.sum() / noise
     own = evidence.remaining / noise
     # sum over all of (own - excess share)^2, without `own` for the tiles that are traced
     taken = own[order]

@@ -6,8 +6,9 @@ squared bias, and c the share of a pixel's variance that the lookup kept,
     honest ratio^2 = 1 + sum over W of excess / sum over all of 2 noise = 1 + bias^2 / 2,
     noise ratio^2  = honest ratio^2 - sum over W of (1 - c) noise / sum over all of 2 noise,
 
-with the frame's bias in standard deviations of one plain render's noise. Promises are of the honest ratio: a warp
-between pixels smooths noise, and by the noise ratio a frame could be wrong by as much as that saves.
+with the frame's bias in standard deviations of one plain render's noise. Where the mean of the noise over all is below
+that of rounding for a display (`ROUNDING_VARIANCE`), both are held against the latter. Promises are of the honest
+ratio: a warp between pixels smooths noise, and by the noise ratio a frame could be wrong by as much as that saves.
 """
 
 from __future__ import annotations

@@ -39,8 +39,14 @@ def chosen_pixels(
     """Return the positions x, y (h, w), in pixels, of the centres of source pixels, each chosen among the four around a
     position x, y (h, w) with the weights of a linear lookup as probabilities; NaN at NaN."""
     half = np.float32(0.5)
+
+    def chosen(at: NDArray[np.float32], number: NDArray[np.float32]) -> NDArray[np.float32]:
+        first = np.floor(at - half)
+        # The number is not added to the position, where rounding would make a whole pixel of its last digits.
+        return first + (number >= np.float32(1.0) - (at - half - first)) + half
+
     across, down = choice
-    return np.floor(x - half + across) + half, np.floor(y - half + down) + half
+    return chosen(x, across), chosen(y, down)
 
 
 def _stretches(shape: tuple[int, ...], generator: np.random.Generator) -> NDArray[np.float32]:

@@ -74,9 +74,9 @@ class ViewsMaker:
     """Renders and makes the views of one frame, and hands each to `on_view` when it is finished.
 
     renderer can render each of the `views` whole, and trace pixels of it. accuracy is that of the frame, for a picture
-    of `SettingsTuning.unscaled_picture_px`. fresh chooses pixels of made views to be traced
-    anew. steps, and the costs of the views that were rendered whole, grow under way.
-    light_scale is the number by which light is multiplied to be judged as it is seen: None before the first render.
+    of `SettingsTuning.unscaled_picture_px`. fresh chooses pixels of made views to be traced anew. steps, and the costs
+    of the views that were rendered whole, grow under way. light_scale is the number by which light is multiplied to be
+    judged as it is seen: None before the first render.
     finish_seconds are those of putting the last made view together, and of denoising it: None before the first.
     sources has the views that were rendered whole and are still needed, by number. findings are those that the frame
     shares with others of an animation.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.estimate.evidence import ProbeTraces, RefinedTiles, measure_tiles, with_refined
-from stereo_reproject.estimate.expected_excess import local_noise
+from stereo_reproject.estimate.expected_excess import local_noise, remaining_excess
 from stereo_reproject.estimate.noise_ratio import as_rendered, estimate, wrong_tiles
 from stereo_reproject.estimate.probes import place_random_probes
 from stereo_reproject.estimate.refinement import choose_tiles
@@ -17,6 +17,7 @@ from stereo_reproject.images import metrics
 from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.lookup import lookup, variance_share
 from stereo_reproject.images.metrics import bias_sigmas, honest_ratio, noise_ratio, untone
+from stereo_reproject.settings.accuracy import DISPLAY_STEP
 
 SIZE = (320, 480)
 SIGMA = 0.05
@@ -35,17 +36,17 @@ PERFECT_NOISE_RATIO = np.sqrt(0.75)
 class Frame:
     """A grey picture, warped half-way between pixels of a row, and off by `sigmas` of its noise in a part of it."""
 
-    def __init__(self, sigmas=0.0, *, seed=1, part=np.s_[:, :]):
-        self.rng = np.random.default_rng(seed)
+    def __init__(self, sigmas=0.0, *, seed=1, part=np.s_[:, :], sigma=SIGMA):
+        self.rng, self.sigma = np.random.default_rng(seed), sigma
         x, y = np.meshgrid(np.arange(SIZE[1]) + 1.0, np.arange(SIZE[0]) + 0.5)
         toned = lookup((0.5 + self.noise()).astype(np.float32), x, y)
-        toned[part] += sigmas * SIGMA
+        toned[part] += sigmas * sigma
         self.warped = untone(toned)
         self.share = variance_share(x, y)
         self.everything = np.ones(SIZE, bool)
 
     def noise(self):
-        return self.rng.normal(0.0, SIGMA, (*SIZE, 3))
+        return self.rng.normal(0.0, self.sigma, (*SIZE, 3))
 
     def traced(self):
         return untone(0.5 + self.noise())
@@ -87,6 +88,29 @@ def test_a_bias_counts_in_full_and_the_estimate_agrees_with_a_comparison(sigmas)
     assert told.noise_ratio == pytest.approx(noise, abs=WITHIN * due)
     assert told.bias == pytest.approx(sigmas, abs=0.2)
     assert told.bias == pytest.approx(bias_sigmas(told.honest_ratio))
+
+
+@pytest.mark.parametrize(("steps", "due"), [(0.1, np.sqrt(1.0 + 0.06)), (1.0, np.sqrt(1.0 + 6.0))])
+def test_an_error_is_held_against_no_less_noise_than_rounding_makes(steps, due):
+    """Against the frame's own noise, a hundredth of a display step, a tenth of one would be an honest ratio of 7."""
+    sigma = DISPLAY_STEP / 100.0
+    frame = Frame(steps * DISPLAY_STEP / sigma, sigma=sigma)
+    measured = frame.measured()
+    told = estimate(measured)
+    assert frame.true_ratios(frame.warped, frame.share)[1] == pytest.approx(due, rel=0.02)
+    assert told.honest_ratio == pytest.approx(due, rel=0.05)
+    assert told.honest_low < due < told.honest_high
+    assert choose_tiles(measured, 1.1).any() == (due > 1.1)
+
+
+def test_the_noise_of_rounding_adds_nothing_to_the_interval():
+    """What a tile's noise differs by from the mean does not change what errors are held against."""
+    measured = Frame(2.0, sigma=0.2 * DISPLAY_STEP).measured()
+    uneven = replace(measured, noise=measured.noise * np.where(np.arange(measured.noise.size) % 4, 0.0, 4.0))
+    chance = np.sqrt(np.sum((measured.remaining / measured.frame_noise) ** 2))
+    for evidence in (measured, uneven):
+        error = remaining_excess(evidence, np.zeros(0, np.intp))[1]
+        assert float(error[0]) == pytest.approx(chance)
 
 
 def test_the_credit_of_smoothing_cannot_be_spent_on_bias():

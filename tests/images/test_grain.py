@@ -48,6 +48,15 @@ def test_each_pixel_is_chosen_as_often_as_a_linear_lookup_weighs_it(place):
     assert abs(off.mean()) < 0.005
 
 
+def test_a_position_on_a_pixel_s_centre_is_that_pixel():
+    x, y = (np.full(SHAPE, at, np.float32) for at in (0.5, 4000.5))
+    greatest = np.full(SHAPE, np.nextafter(np.float32(1.0), np.float32(0.0)))
+    at_x, at_y = chosen_pixels(x, y, (greatest, greatest))
+    assert at_x.dtype == at_y.dtype == np.float32
+    np.testing.assert_array_equal(at_x, x)
+    np.testing.assert_array_equal(at_y, y)
+
+
 def test_a_view_has_one_choice_and_another_another():
     one, again, other = (choice_of(name, SHAPE)[0] for name in ("view_01", "view_01", "view_02"))
     np.testing.assert_array_equal(one, again)
