@@ -190,3 +190,18 @@ def test_the_shares_of_a_target_are_those_of_where_its_pixels_are_from():
     for averages, probe in ((True, 0.5), (False, 1.0)):
         share = target.variance_share(warped, averages_probes=averages)
         np.testing.assert_array_equal(share, np.float32([[0.7, 1.0, probe, 1.0], [0.7, 0.7, probe, 0.7]]))
+
+
+def test_one_spark_in_a_black_picture_does_not_make_it_wrong():
+    """A view behind a wall: of thousands of probes one trace is lit, by chance."""
+    black = np.zeros((*SIZE, 4), np.float32)
+    everything = np.ones(SIZE, bool)
+    probes = place_random_probes(everything, spacing=8, seed=3)
+    colour = black[probes.mask]
+    once, again = colour.copy(), colour.copy()
+    once[len(once) // 2, :3] = again[len(again) // 2, :3] = 0.2
+    again[len(again) // 2, :3] += 0.05
+    measured = measure_tiles(probes, everything, contrast_of(black, everything), ProbeTraces(colour, once, again))
+    told = estimate(measured)
+    assert 1.0 < told.honest_ratio < 1.2
+    assert told.honest_high < 1.5
