@@ -179,7 +179,9 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
     round."""
     if arguments.frames is not None:
         if arguments.compare:
-            raise BadInputError("--compare is for one frame alone: leave it out with --frames, or name one frame by --frame")
+            raise BadInputError(
+                "--compare is for one frame alone: leave it out with --frames, or name one frame by --frame"
+            )
         if arguments.from_scene:
             raise BadInputError(
                 "--from-scene is for one frame alone: leave it out with --frames, or name one frame by --frame"

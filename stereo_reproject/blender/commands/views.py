@@ -106,11 +106,9 @@ def _working(
         return
     working = shared.scenes.at(settings.scene, layer)
     if stereo_moves(working):
-        try:
-            yield working
-        finally:
-            # They were held still, and another frame needs what moves them, even where this one has failed.
-            shared.scenes.close()
+        yield working
+        # They were held still, and another frame needs what moves them.
+        shared.scenes.close()
         return
     with stereo_restored(working):
         yield working
