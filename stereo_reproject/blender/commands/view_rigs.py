@@ -168,7 +168,10 @@ def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSet
     warnings = []
     if line is None and views.columns is not None:
         warnings.append(
-            Words("the cameras do not stand on a line across their direction: a display cannot show such a quilt")
+            Words(
+                "the cameras do not stand on a line across one direction that all look in: a display cannot show such"
+                " a quilt"
+            )
         )
     return ViewRig(
         names,
