@@ -30,7 +30,7 @@ from .delivery import deliver_frames, pixels_of
 from .layouts import as_ordered, deliver_anaglyph, is_our_own
 from .opening import open_session
 from .pictures import check_png
-from .quilt_files import display_pixels, write_quilt
+from .quilt_files import write_quilt
 from .view_files import ViewFiles, composited_files
 
 HOLES = "holes"
@@ -151,9 +151,7 @@ class QuiltPictures:
         """Write a frame's files into its private folder; all else is as for `PairPictures.deliver`."""
         number, quilt, views = frame.frame, self._files.quilt, folder / VIEWS_FOLDER
         names = self._files.views
-        # Some nodes ask for the shape of pixels.
-        with display_pixels(self._scene, quilt.aspect, quilt.view_size):
-            composited = composited_files(self._scene, views, names, folder / "composited", frame=number)
+        composited = composited_files(self._scene, views, names, folder / "composited", frame=number)
         pictures = ViewFiles(composited, names)
         made = {}
         for extension in ("png", "exr"):
