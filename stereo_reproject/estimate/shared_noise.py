@@ -35,7 +35,8 @@ OWN = -1
 
 @dataclass(frozen=True)
 class NoiseOrigins:
-    """Origins of the noise of a view's pixels, in R of its rows, spread over the picture; all arrays are (R, W).
+    """Origins of the noise of some of a view's pixels: in R of its rows and C of its columns, spread over the picture;
+    all arrays are (R, C).
 
     render is the number of the view in whose whole render a pixel was looked up, OWN where it was traced for this view
     alone; x, y are the positions of the lookup in it, in pixels. share is the variance as a share of a plain render's,
@@ -56,7 +57,7 @@ class NoiseOrigins:
         return replace(self, render=render, share=share, fresh=np.zeros_like(self.fresh))
 
     def covariance(self, other: NoiseOrigins) -> NDArray[np.float32]:
-        """Return (R, W) the covariance of the noise of these pixels with those of another view at the same places, over
+        """Return (R, C) the covariance of the noise of these pixels with those of another view at the same places, over
         the variance of a plain render's pixel.
 
         It is that of two linear lookups, with the correlation of which any others are taken to be correlated.
@@ -81,11 +82,12 @@ class SharedNoise:
 def origins_of_render(number: int, colour: NDArray[np.float32]) -> NoiseOrigins:
     """Return the origins of the noise of a view that was rendered whole; number is its own, and colour (H, W, >= 3) is
     scene-linear, as bright as it is judged."""
-    rows = _rows(colour.shape[0])
-    x, y = np.meshgrid(np.arange(colour.shape[1], dtype=np.float32) + np.float32(0.5), rows.astype(np.float32) + 0.5)
+    judged = _judged(colour.shape)
+    rows, columns = (np.asarray(each, np.float32) + np.float32(0.5) for each in judged)
+    y, x = np.broadcast_arrays(rows, columns)
     render = np.full(x.shape, number, np.int16)
     whole, none = np.ones(x.shape, np.float32), np.zeros(x.shape, bool)
-    return NoiseOrigins(render, x, y, whole, pixel_noise(colour)[rows], none)
+    return NoiseOrigins(render, x, y, whole, pixel_noise(colour)[judged], none)
 
 
 def origins_of_made(
@@ -97,18 +99,17 @@ def origins_of_made(
     variance of its pixels as a share of a plain render's, of those that were traced anew as if they were warped.
     """
     colour = target.colour
-    rows, width = _rows(colour.shape[0]), colour.shape[1]
-    x, y = (
-        at.reshape(-1, width) for at in warped.places((np.repeat(rows, width), np.tile(np.arange(width), rows.size)))
-    )
+    judged = _judged(colour.shape)
+    rows, columns = np.broadcast_arrays(*judged)
+    x, y = (at.reshape(rows.shape) for at in warped.places((rows.ravel(), columns.ravel())))
     if warped.single is not None:
         across, down = choice_of(target.view, warped.single.shape)
-        chosen = chosen_pixels(x, y, (across[rows], down[rows]))
-        x, y = (np.where(warped.single[rows], one, between) for one, between in zip(chosen, (x, y), strict=True))
-    render = np.asarray(numbers, np.int16)[warped.warp.source[rows]]
-    fresh = target.any_of(Provenance.FRESH)[rows]
-    render = np.where(target.warped[rows] | fresh, render, np.int16(OWN))
-    return NoiseOrigins(render, x, y, share[rows], pixel_noise(colour)[rows], fresh)
+        chosen = chosen_pixels(x, y, (across[judged], down[judged]))
+        x, y = (np.where(warped.single[judged], one, between) for one, between in zip(chosen, (x, y), strict=True))
+    render = np.asarray(numbers, np.int16)[warped.warp.source[judged]]
+    fresh = target.any_of(Provenance.FRESH)[judged]
+    render = np.where(target.warped[judged] | fresh, render, np.int16(OWN))
+    return NoiseOrigins(render, x, y, share[judged], pixel_noise(colour)[judged], fresh)
 
 
 def shared_noise(views: Sequence[NoiseOrigins]) -> SharedNoise:
@@ -134,6 +135,10 @@ def _joint(one: NoiseOrigins, other: NoiseOrigins) -> float:
     return float(np.sum(np.sqrt(one.noise * other.noise) * one.covariance(other), dtype=np.float64))
 
 
-def _rows(height: int) -> NDArray[np.intp]:
-    """Return the rows (R,) of a picture of this height in which noise is judged."""
-    return np.unique(np.linspace(0, height - 1, min(height, TUNING.shared_noise_rows)).astype(np.intp))
+def _judged(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the rows (R, 1) and columns (1, C) of a picture (H, W, ...) in which noise is judged, as its index."""
+    rows, columns = (
+        np.linspace(0, length - 1, min(length, most)).astype(np.intp)
+        for length, most in zip(shape[:2], TUNING.shared_noise_pixels, strict=True)
+    )
+    return rows[:, None], columns[None]

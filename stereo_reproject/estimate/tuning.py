@@ -70,9 +70,9 @@ class EstimateTuning:
     """Tiles each way over which all pixels tell the noise of the probes."""
 
     # Noise that views have in common
-    shared_noise_rows: int = 64
-    """Rows of each view, spread over it, by which noise that views have in common is told. By hand: 64 rows of 420
-    pixels are as sure of a mean as a picture of 160 x 160, and 48 views of 1024 pixels take 60 MB."""
+    shared_noise_pixels: tuple[int, int] = (64, 512)
+    """Rows and columns of each view, spread over it, by which noise that views have in common is told. By hand: 64 rows
+    of 420 pixels are as sure of a mean as a picture of 160 x 160, and 256 views of any size take 160 MB at most."""
 
     # When a pilot goes ahead
     pilot_spacing_ratio: int = 4

@@ -74,17 +74,17 @@ class ExrStream:
         file.write(bytes(8 * blocks * len(parts)))
         self._offsets: list[list[int]] = [[] for _ in parts]
         width = size[0]
-        self._left: list[NDArray] = [np.empty((0, len(part.channels), width), self._dtype) for part in parts]
+        self._waiting: list[NDArray] = [np.empty((0, len(part.channels), width), self._dtype) for part in parts]
         """Rows of each part that do not yet fill a block."""
 
     def write(self, channels: Mapping[str, NDArray], part: int = 0) -> None:
         """Write the next rows (h, W) of a part, by the names of its channels."""
         rows = np.stack([channels[name] for name in self._parts[part].in_order], axis=1).astype(self._dtype, copy=False)
-        rows = np.concatenate([self._left[part], rows])
+        rows = np.concatenate([self._waiting[part], rows])
         done = len(self._offsets[part]) * ROWS_OF_BLOCK
         end = len(rows) if done + len(rows) >= self._size[1] else len(rows) // ROWS_OF_BLOCK * ROWS_OF_BLOCK
         blocks = [rows[top : min(top + ROWS_OF_BLOCK, end)] for top in range(0, end, ROWS_OF_BLOCK)]
-        self._left[part] = rows[end:].copy()
+        self._waiting[part] = rows[end:].copy()
         for number, packed in enumerate(self._pool.map(_packed, blocks)):
             self._offsets[part].append(self._file.tell())
             own = struct.pack("<i", part) if self._is_multi_part else b""

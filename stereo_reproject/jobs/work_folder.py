@@ -379,7 +379,8 @@ def publish(
     """Move the finished files from `work`/out into `output`, all of them or none. The last one, the report, is moved
     last, so that where it stands the others are complete. On return the files are on the disk.
 
-    superseded are names of an earlier run's files that would not belong to the new ones; they are moved away.
+    superseded are names of an earlier run's files that would not belong to the new ones; they are moved away, and with
+    them their folders where nothing else is in these.
     between_steps is called after each move; if it raises, the moves are undone and its exception goes on. Raises
     BadInputError if `output` cannot be written; then it is as it was.
     """
@@ -411,6 +412,9 @@ def publish(
         if isinstance(error, OSError):
             raise _failed_write(output, error) from error
         raise
+    for folder in _folders_of(output, superseded)[1:]:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def _undo(moved: Sequence[tuple[Path, Path]], created: Sequence[Path]) -> None:

@@ -179,13 +179,15 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
     round."""
     if arguments.frames is not None:
         if arguments.compare:
-            raise BadInputError("--compare is of one frame: leave it out with --frames, or name one frame by --frame")
+            raise BadInputError(
+                "--compare is for one frame alone: leave it out with --frames, or name one frame by --frame"
+            )
         if arguments.from_scene:
             raise BadInputError(
-                "--from-scene is of one frame: leave it out with --frames, or name one frame by --frame"
+                "--from-scene is for one frame alone: leave it out with --frames, or name one frame by --frame"
             )
         if arguments.views_layout != VIEWS_LAYOUTS[0]:
-            raise BadInputError("views of several frames are stored in a file each: leave --layout out with --frames")
+            raise BadInputError("--layout multi-view is for one frame alone: leave it out with --frames")
         return
     given = {
         "--resume": arguments.resume,
@@ -195,7 +197,7 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
     }
     option = next((option for option, is_given in given.items() if is_given), None)
     if option is not None:
-        raise BadInputError(f"{option} is of several frames: name them by --frames")
+        raise BadInputError(f"{option} is for several frames: name them by --frames")
 
 
 def views_of(arguments: argparse.Namespace) -> ViewsSettings:

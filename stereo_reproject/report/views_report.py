@@ -95,7 +95,7 @@ class ViewsReport(PictureHeader):
     cone_degrees is the angle between the outermost cameras, baseline the distance between them and focus_distance that
     of the plane that all views show alike, in scene units; cameras that the scene places have none. plan has a line for
     each decision on the way. seconds are by stage and in total. predicted_speedup is over rendering each view plainly.
-    neighbours is None where pictures are denoised; fresh is absent where nothing was to be traced anew. files are the
+    neighbours is None where pictures are denoised; fresh is absent where nothing was traced anew. files are the
     names of all files of the result.
     """
 
@@ -146,12 +146,13 @@ def neighbours_report(noise: SharedNoise | None, names: Sequence[str]) -> Neighb
 def fresh_report(maker: ViewsMaker, without: SharedNoise | None) -> FreshReport | Absent:
     """Return the report of what was traced anew; `without` is the noise that views would have in common without it."""
     fresh, camera = maker.fresh, maker.views[0].camera
-    if fresh.share <= 0.0:
+    # Where all views were rendered, there was nothing to trace anew.
+    if not fresh.traced:
         return ABSENT
     return FreshReport(
         share=fresh.share,
         predicted_seconds=fresh.traced / (camera.width * camera.height) * maker.packed_seconds,
-        seconds=fresh.traced / max(fresh.filled, 1) * maker.watch.seconds.get(Stage.FILL, 0.0),
+        seconds=fresh.traced / fresh.filled * maker.watch.seconds.get(Stage.FILL, 0.0),
         noise_ratio_without=None if without is None else without.mean,
     )
 

@@ -55,7 +55,8 @@ def _views_lines(views: Sequence[View]) -> list[str]:
         mean = sum(view["traced"] for view in traced) / len(traced)
         ends = (min(traced, key=lambda view: view["traced"]), max(traced, key=lambda view: view["traced"]))
         least, most = (f"{100.0 * view['traced']:.1f} % ({view['name']})" for view in ends)
-        lines.append(f"  traced      {100.0 * mean:.1f} % of a made view's pixels in the mean, from {least} to {most}")
+        between = f" in the mean, from {least} to {most}" if len(traced) > 1 else f", {traced[0]['name']}"
+        lines.append(f"  traced      {100.0 * mean:.1f} % of a made view's pixels{between}")
     return [*lines, *_estimate_lines(made)]
 
 

@@ -23,16 +23,16 @@ MAX_TURN_RADIANS = np.radians(10.0)
 
 def order_of(cameras: Sequence[PerspectiveCamera]) -> list[int]:
     """Return the numbers of cameras, at least one, in the order in which their views are made: from one of the two that
-    are farthest apart, of which the more left one, each time to the nearest that is left."""
+    are farthest apart, of which the more left one, each time to the nearest that has no place yet."""
     apart = _apart(cameras)
     ends = np.unravel_index(np.argmax(apart), apart.shape)
     across = _places(cameras) @ _rightwards(cameras)
     order = [int(min(ends, key=lambda number: across[number]))]
-    left = set(range(len(cameras))) - set(order)
-    while left:
-        nearest = min(sorted(left), key=lambda number: apart[order[-1], number])
+    waiting = set(range(len(cameras))) - set(order)
+    while waiting:
+        nearest = min(sorted(waiting), key=lambda number: apart[order[-1], number])
         order.append(nearest)
-        left.remove(nearest)
+        waiting.remove(nearest)
     return order
 
 

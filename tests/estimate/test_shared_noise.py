@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from stereo_reproject.estimate.shared_noise import OWN, NoiseOrigins, origins_of_render, shared_noise
+from stereo_reproject.estimate.tuning import TUNING
 from stereo_reproject.images.lookup import lookup, variance_share
+from stereo_reproject.images.sharpness import pixel_noise
 
 SHAPE = (40, 60)
 SEEDS = 200
@@ -79,3 +81,14 @@ def test_two_views_are_neighbours_of_each_other():
 def test_pictures_without_noise():
     colour = np.full((*SHAPE, 4), 0.5, np.float32)
     assert shared_noise([origins_of_render(number, colour) for number in range(3)]).mean == 1.0
+
+
+def test_large_views_are_told_by_some_of_their_pixels():
+    colour = np.random.default_rng(0).random((90, 700, 4)).astype(np.float32)
+    rendered = origins_of_render(0, colour)
+    rows, columns = TUNING.shared_noise_pixels
+    assert {array.shape for array in vars(rendered).values()} == {(rows, columns)}
+    pixel = np.s_[rows // 2, columns // 3]
+    place = int(rendered.y[pixel]), int(rendered.x[pixel])
+    assert rendered.noise[pixel] == pixel_noise(colour)[place]
+    assert (rendered.x[0, -1], rendered.y[-1, 0]) == (699.5, 89.5)

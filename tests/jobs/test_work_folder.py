@@ -232,6 +232,19 @@ def test_a_torn_publish_of_views_leaves_all_as_it_was(tmp_path, step):
     assert not (output / "views").exists()
 
 
+def test_the_folder_of_an_earlier_run_s_views_goes_with_them(tmp_path):
+    work, output = tmp_path / "work", tmp_path / "out"
+    (output / "views").mkdir(parents=True)
+    old = ("views/view_00.exr", "views/view_01.exr")
+    for name in old:
+        (output / name).write_text("old")
+    for folder in ("out", "old"):
+        (work / folder).mkdir(parents=True)
+    (work / "out" / "report.json").write_text("new")
+    publish(work, output, ("report.json",), superseded=old, between_steps=lambda: None)
+    assert [path.name for path in output.iterdir()] == ["report.json"]
+
+
 def test_a_file_where_the_folder_of_views_belongs_is_said_before_anything_is_rendered(tmp_path):
     (tmp_path / "views").write_text("mine")
     files = views_files(view_names(2))

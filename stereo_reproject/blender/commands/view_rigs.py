@@ -107,8 +107,8 @@ def rig_of(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSetting
         return _scene_rig(scene, working, views)
     cone = cone_of(working, views)
     names = view_names(cone.count)
-    facts = {"cone_degrees": cone_degrees(cone.baseline, cone.focus_distance), **vars(cone)}
-    del facts["count"]
+    degrees = cone_degrees(cone.baseline, cone.focus_distance)
+    facts = {"cone_degrees": degrees, "baseline": cone.baseline, "focus_distance": cone.focus_distance}
     warnings = cone_warnings(working, cone.offsets, cone.focus_distance)
     return ViewRig(
         names, names, True, partial(_cone_renderer, cone), partial(_beside, cone), facts, warnings=tuple(warnings)
@@ -168,7 +168,10 @@ def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSet
     warnings = []
     if line is None and views.columns is not None:
         warnings.append(
-            Words("the cameras do not stand on a line across their direction: a display cannot show such a quilt")
+            Words(
+                "the cameras do not stand on a line across one direction that all look in: a display cannot show such"
+                " a quilt"
+            )
         )
     return ViewRig(
         names,

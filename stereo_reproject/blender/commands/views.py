@@ -33,7 +33,7 @@ from ...words import Words
 from ..engines.views_renderer import ManyViewsRenderer, stereo_moves, stereo_restored
 from ..output.pictures import write_holes
 from ..output.view_files import runs_compositor
-from ..scene.compositor import file_outputs, is_composited
+from ..scene.compositor import file_outputs, gives_a_picture, is_composited
 from ..scene.rendered import check_layers
 from ..scene.warnings import scene_warnings
 from ..scene.working import WorkingScenes, working_scene
@@ -235,7 +235,10 @@ def views_warnings(scene: bpy.types.Scene) -> list[str]:
     if scene.view_layers[layers[0]].use_pass_vector:
         warnings.append(Words("many views have no Vector pass"))
     if is_composited(scene) and not runs_compositor(scene):
-        warnings.append(Words("the compositor is not run on many views of several view layers, or without a picture"))
+        if gives_a_picture(scene):
+            warnings.append(Words("the compositor is not run on many views: several view layers are switched on"))
+        else:
+            warnings.append(Words("the compositor is not run on many views: nothing is linked to its output"))
     elif runs_compositor(scene) and any(not node.mute for node in file_outputs(scene)):
         warnings.append(Words("File Output nodes write nothing of many views"))
     return warnings

@@ -11,7 +11,7 @@ from ...delivery.quilts import quilt_name
 from ...jobs.work_folder import CONTACT_SHEET, HOLES_FOLDER, SWEEP, views_files
 from ...settings.frame import StereoSettings
 from ...settings.views import ViewsSettings
-from ..output.quilt_files import write_contact_sheet, write_quilt, write_sweep
+from ..output.quilt_files import quilt_of, write_contact_sheet, write_quilt, write_sweep
 from ..output.view_files import ViewFiles, composited_files
 from .view_rigs import ViewRig
 
@@ -36,15 +36,14 @@ def write_pictures(
     folder = composited_files(scene, places.views, rig.file_names, places.work / "composited", frame=frame)
     pictures, along = ViewFiles(folder, rig.file_names), ViewFiles(folder, [files[name] for name in rig.made])
     quilts: list[str] = []
-    if views.columns is not None and views.rows is not None:
-        height, width = pictures[0].shape[:2]
-        render = scene.render
-        aspect = views.aspect or width * render.pixel_aspect_x / (height * render.pixel_aspect_y)
-        name = quilt_name(views.columns, views.rows, aspect)
+    height, width = pictures[0].shape[:2]
+    quilt = quilt_of(scene, views, (width, height))
+    if quilt is not None:
+        name = quilt_name(quilt.columns, quilt.rows, quilt.aspect)
         quilts = [f"{name}.png", f"{name}.exr"]
         in_quilt = along if rig.is_line else pictures
-        for quilt in quilts:
-            write_quilt(scene, in_quilt, views.columns, views.rows, out / quilt, frame=frame)
+        for file in quilts:
+            write_quilt(scene, in_quilt, quilt.columns, quilt.rows, out / file, frame=frame)
     write_contact_sheet(scene, pictures, rig.names, out / CONTACT_SHEET, frame=frame)
     write_sweep(scene, along, out / SWEEP, frame=frame)
     holes = [] if places.holes is None else sorted(f"{HOLES_FOLDER}/{path.name}" for path in places.holes.glob("*.png"))

@@ -19,11 +19,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...delivery.quilts import grid_for, quilt_bands
+from ...delivery.quilts import Quilt, grid_for, quilt_bands
 from ...images.exr import in_halves
 from ...images.exr_stream import StreamedPart, streamed_exr
 from ...images.png import write_png, write_png_bands
 from ...images.resizing import made_smaller
+from ...settings.views import ViewsSettings
 from ..scene.working import changed
 from .delivery import NOTHING, deliver_movie, deliver_picture, empty_scene_like
 from .movie import movie_scene, only_file
@@ -67,6 +68,16 @@ def display_pixels(scene: bpy.types.Scene, aspect: float | None, size: tuple[int
 def _pixel_aspects(ratio: float) -> dict[str, float]:
     """Return Blender's settings of pixels that are `ratio` times as wide as high: neither may be below 1."""
     return {"pixel_aspect_x": max(1.0, ratio), "pixel_aspect_y": max(1.0, 1.0 / ratio)}
+
+
+def quilt_of(scene: bpy.types.Scene, views: ViewsSettings, view_size: tuple[int, int]) -> Quilt | None:
+    """Return the grid of the quilt of views of this size, (width, height) in pixels; None where no quilt is made. The
+    scene's pixels must have their shape."""
+    if views.columns is None or views.rows is None:
+        return None
+    width, height = view_size
+    shape = width * scene.render.pixel_aspect_x / (height * scene.render.pixel_aspect_y)
+    return Quilt(views.columns, views.rows, views.aspect or shape, view_size)
 
 
 def write_quilt(

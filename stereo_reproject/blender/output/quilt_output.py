@@ -23,6 +23,7 @@ from ..scene.rig import frame_region
 from ..scene.working import changed
 from .animation_output import Output, check_output, movie_path
 from .movie import encode, movie_scene, read_opaque
+from .quilt_files import quilt_of
 
 SQUARE_PIXELS = {"pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
 """A quilt's own: what shape its views have is said by its name alone."""
@@ -98,11 +99,11 @@ def quilt_output_of(
 
 def _quilt(scene: bpy.types.Scene, views: ViewsSettings, size: Sequence[int] | None) -> Quilt:
     """Return the grid of the quilt. Raises BadInputError where the views have none."""
-    if views.columns is None or views.rows is None:
-        raise BadInputError("frames of many views are quilts: name the quilt's columns and rows")
     render = scene.render
     own = {} if size is None else {"resolution_x": size[0], "resolution_y": size[1], "resolution_percentage": 100}
     with changed(render, **own):
         region = frame_region(render)
-    shape = region.width * render.pixel_aspect_x / (region.height * render.pixel_aspect_y)
-    return Quilt(views.columns, views.rows, views.aspect or shape, (region.width, region.height))
+    quilt = quilt_of(scene, views, (region.width, region.height))
+    if quilt is None:
+        raise BadInputError("frames of many views are quilts: name the quilt's columns and rows")
+    return quilt
