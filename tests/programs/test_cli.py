@@ -396,7 +396,7 @@ def test_the_scenes_own_views_are_delivered_by_their_names(place, capsys):
     assert capsys.readouterr().out.endswith(f"  {shown}\n")
     assert many_views(place, "--views", "2", "--layout", "multi-view") == 0
     assert (place / "out" / "views.exr").exists()
-    assert list((place / "out" / "views").iterdir()) == []
+    assert not (place / "out" / "views").exists()
 
 
 def test_fewer_views_than_before_leave_none_of_those(place):
