@@ -26,6 +26,7 @@ def test_the_button_renders_the_views_that_the_panel_says(facts):
     assert len(facts["how"]) == 12
     assert facts["files"] == [
         "contact.png",
+        "holes",
         "quilt_qs4x3a1.3333.exr",
         "quilt_qs4x3a1.3333.png",
         "report.json",
