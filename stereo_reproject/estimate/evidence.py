@@ -242,12 +242,13 @@ def _heard_share(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float
     """Return the share (N,), 0 to 1, of each probe's evidence that counts, so that a single bright spark does not
     outweigh all.
 
-    noise (N,) is what each probe measured. It is less than 1 where that is far above the noise of the probes around, of
-    all others, and of rounding for a display, which alone is there in a picture that is all but black.
+    noise (N,) is what each probe measured. It is less than 1 where that is far above the noise of the probes around and
+    of all others; where those have none, above that of rounding for a display.
     """
     everywhere = (noise.sum() - noise) / max(noise.size - 1, 1)
     nearby = probes.neighbour_sum(noise) / np.maximum(probes.neighbour_sum(np.ones_like(noise)), 1.0)
-    allowed = TUNING.max_probe_noise_ratio * np.maximum(np.maximum(nearby, everywhere), ROUNDING_VARIANCE)
+    others = np.maximum(nearby, everywhere)
+    allowed = TUNING.max_probe_noise_ratio * np.where(others > 0.0, others, ROUNDING_VARIANCE)
     return allowed / np.maximum(noise, allowed)
 
 
