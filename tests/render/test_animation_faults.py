@@ -18,8 +18,9 @@ import pytest
 
 from stereo_reproject.jobs.work_folder import WORK_PREFIX
 from stereo_reproject.sequence.journal_folder import JOURNAL
+from tests.render import processes
+from tests.render.processes import children, wait_for
 from tests.render.test_command_line import DEMO, environment, workers_of
-from tests.render.test_command_line import Run as Ended
 
 pytestmark = pytest.mark.slow
 
@@ -66,42 +67,16 @@ def pictures(folder):
     return {path.name: path.read_bytes() for path in folder.glob("[0-9]*.png")}
 
 
-def command(blend, folder, frames, *options):
-    arguments = [str(blend), "--output", str(folder), "--frames", frames, *OPTIONS, *options]
-    return [sys.executable, "-m", "stereo_reproject", "animate", *arguments]
-
-
 def start(blend, folder, frames, *options, **variables):
-    return subprocess.Popen(
-        command(blend, folder, frames, *options),
-        env={**environment(), **variables},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    return processes.start("animate", blend, folder, "--frames", frames, *OPTIONS, *options, **variables)
 
 
 def end(process, folder):
-    out, err = process.communicate(timeout=SECONDS)
-    return Ended(process.returncode, out, err, folder)
+    return processes.end(process, folder, SECONDS)
 
 
 def animate(blend, folder, frames, *options):
     return end(start(blend, folder, frames, *options), folder)
-
-
-def children(pid):
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def wait_for(process, condition):
-    """For what the process is about to do; a line that it says is only read at its end."""
-    while not condition():
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(0.02)
-            raise AssertionError(f"it ended too early: {process.communicate()}")
 
 
 def finished_frames(folder):

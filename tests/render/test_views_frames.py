@@ -4,9 +4,6 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import bpy
@@ -28,8 +25,9 @@ from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
 from tests.delivery.movies import frames as movie_frames
-from tests.render.test_command_line import DEMO, environment, workers_of
-from tests.render.test_command_line import Run as Ended
+from tests.render import processes
+from tests.render.processes import children, wait_for
+from tests.render.test_command_line import DEMO, workers_of
 from tests.render.test_trace_requests import small_studio
 
 VIEWS = ViewsSettings(4, baseline=0.3, columns=2, rows=2)
@@ -157,21 +155,11 @@ def blend(tmp_path_factory):
 
 
 def start(blend, folder, frames, *options):
-    arguments = [str(blend), "--output", str(folder), "--frames", frames, *OPTIONS, *options]
-    return subprocess.Popen(
-        [sys.executable, "-m", "stereo_reproject", "views", *arguments],
-        env=environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    return processes.start("views", blend, folder, "--frames", frames, *OPTIONS, *options)
 
 
 def end(process, folder):
-    out, err = process.communicate(timeout=SECONDS)
-    return Ended(process.returncode, out, err, folder)
+    return processes.end(process, folder, SECONDS)
 
 
 def views(blend, folder, frames, *options):
@@ -182,22 +170,14 @@ def finished(folder):
     return sorted(path.stem for path in (folder / JOURNAL).glob("quilt_[0-9]*.json"))
 
 
-def wait_for(process, condition):
-    deadline = time.monotonic() + SECONDS
-    while not condition():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
 @posix
 @pytest.mark.slow
 def test_a_killed_run_is_gone_on_with(blend, tmp_path):
     folder = tmp_path / "out"
     process = start(blend, folder, "1-4")
-    wait_for(process, lambda: len(finished(folder)) >= 1)
-    (worker,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    for pid in (process.pid, int(worker)):
+    wait_for(process, lambda: len(finished(folder)) >= 1, SECONDS)
+    (worker,) = children(process.pid)
+    for pid in (process.pid, worker):
         os.kill(pid, signal.SIGKILL)
     process.communicate(timeout=SECONDS)
     assert 1 <= len(finished(folder)) < 4
@@ -228,7 +208,7 @@ def test_a_killed_run_is_gone_on_with(blend, tmp_path):
 def test_an_interrupted_run_keeps_its_frames(blend, tmp_path):
     folder = tmp_path / "out"
     process = start(blend, folder, "1-6")
-    wait_for(process, lambda: len(finished(folder)) >= 1)
+    wait_for(process, lambda: len(finished(folder)) >= 1, SECONDS)
     process.send_signal(signal.SIGINT)
     ended = end(process, folder)
     assert ended.status == 130
