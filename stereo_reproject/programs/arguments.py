@@ -186,8 +186,8 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
             raise BadInputError(
                 "--from-scene is for one frame alone: leave it out with --frames, or name one frame by --frame"
             )
-        if arguments.views_layout != VIEWS_LAYOUTS[0]:
-            raise BadInputError("--layout multi-view is for one frame alone: leave it out with --frames")
+        if arguments.view_files and arguments.views_layout != VIEWS_LAYOUTS[0]:
+            raise BadInputError("--view-files has each view in a file of its own, --layout all in one: leave one out")
         return
     given = {
         "--resume": arguments.resume,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..delivery.quilts import Quilt
-from ..jobs.work_folder import VIEWS_FOLDER
+from ..jobs.work_folder import ALL_VIEWS, VIEWS_FOLDER
+from ..settings.views import VIEWS_LAYOUTS
 
 FRAMES_NAME = "quilt_"
 """Common beginning of the names of quilts; the number of the frame follows."""
@@ -18,19 +19,23 @@ REPORTS_FOLDER = "reports"
 
 @dataclass(frozen=True)
 class QuiltFrames:
-    """The files of the frames of many views: their quilt, the names of the views, and whether each view of a frame is a
-    file too. All names are paths in the folder of the frames."""
+    """The files of the frames of many views: their quilt, the names of the views, and how the views of a frame are
+    stored besides, one of `VIEWS_LAYOUTS`; None where they are not. All names of files are paths in the folder of the
+    frames."""
 
     quilt: Quilt
     views: tuple[str, ...]
-    keeps_views: bool
+    layout: str | None
+
+    def __post_init__(self) -> None:
+        assert self.layout is None or self.layout in VIEWS_LAYOUTS
 
     @classmethod
     def of_fields(cls, fields: Mapping[str, Any]) -> QuiltFrames:
         """Return what has these fields, which may come out of JSON, where tuples are lists."""
         size = fields["quilt"]["view_size"]
         quilt = Quilt(**{**fields["quilt"], "view_size": (int(size[0]), int(size[1]))})
-        return cls(quilt, tuple(fields["views"]), bool(fields["keeps_views"]))
+        return cls(quilt, tuple(fields["views"]), fields["layout"])
 
     def picture(self, frame: int, extension: str = "png") -> str:
         """Return the name of a frame's quilt, such as "quilt_0007_qs8x6a0.75.png"."""
@@ -42,12 +47,18 @@ class QuiltFrames:
 
     def view_files(self, frame: int) -> dict[str, str]:
         """Return the names of the files of a frame's views, by the views' names, such as "views/view_00_0007.exr": the
-        frames of one view are a sequence of pictures. Empty where views are not kept."""
-        if not self.keeps_views:
+        frames of one view are a sequence of pictures. Empty where views have no files of their own."""
+        if self.layout != VIEWS_LAYOUTS[0]:
             return {}
         return {view: f"{VIEWS_FOLDER}/{view}_{frame:04d}.exr" for view in self.views}
 
+    def all_views(self, frame: int) -> str | None:
+        """Return the name of the one file of all views of a frame, such as "views_0007.exr"; None where there is
+        none."""
+        stem, dot, extension = ALL_VIEWS.rpartition(".")
+        return f"{stem}_{frame:04d}{dot}{extension}" if self.layout == VIEWS_LAYOUTS[1] else None
+
     def files(self, frame: int) -> list[str]:
         """Return the names of all files of a frame, the report last."""
-        quilts = [self.picture(frame), self.picture(frame, "exr")]
-        return [*quilts, *self.view_files(frame).values(), self.report(frame)]
+        quilts, all_views = [self.picture(frame), self.picture(frame, "exr")], self.all_views(frame)
+        return [*quilts, *self.view_files(frame).values(), *([all_views] if all_views else []), self.report(frame)]

@@ -356,7 +356,7 @@ def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, c
         ("--frames 1-3 --resume --overwrite", "argument --overwrite: not allowed with argument --resume"),
         ("--frames 1-3 --compare", "--compare is for one frame alone: leave it out with --frames"),
         ("--frames 1-3 --from-scene", "--from-scene is for one frame alone: leave it out with --frames"),
-        ("--frames 1-3 --layout multi-view", "--layout multi-view is for one frame alone"),
+        ("--frames 1-3 --layout multi-view --view-files", "--view-files has each view in a file of its own"),
         ("--frame 3 --resume", "--resume is for several frames: name them by --frames"),
         ("--overwrite", "--overwrite is for several frames: name them by --frames"),
         ("--movie", "--movie is for several frames: name them by --frames"),
@@ -1309,6 +1309,13 @@ def test_frames_of_many_views_as_the_worker_gets_them(place, monkeypatch, capsys
     printed = capsys.readouterr().out
     assert "frames        3\n" in printed
     assert f"movie         {movie}\n" in printed
+
+
+def test_frames_whose_views_are_in_one_file_as_the_worker_gets_them(place):
+    assert many_views(place, "--frames", "1-3", "--layout", "multi-view", behaviour="animation") == 0
+    (job,) = jobs_told(place)
+    assert job["views"]["layout"] == "multi-view"
+    assert (job["animation"]["layout"], job["animation"]["views"]) == (None, False)
 
 
 def test_a_blender_that_ends_on_a_frame_of_many_views_is_followed_by_another(place, capsys):

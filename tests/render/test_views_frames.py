@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -25,6 +26,7 @@ from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
 from tests.delivery.movies import frames as movie_frames
+from tests.images.test_multi_view import parts_of
 from tests.render import processes
 from tests.render.processes import children, wait_for
 from tests.render.test_command_line import DEMO, workers_of
@@ -71,12 +73,21 @@ def saved(scene, folder):
     return SavedScene(blend, Session(), work)
 
 
-def render(scene, folder, *, frames=(1, 2, 3), listener=None, **options):
+def render(scene, folder, *, frames=(1, 2, 3), listener=None, views_of_a_frame=VIEWS, **options):
     """Return the report of the run, and the numbers of the frames that it tells of."""
     asked = AnimationSettings(frames=tuple(frames), output=str(folder / "out"), **options)
     told = []
     listener = listener or Listener(on_frame=lambda event: told.append(event["frame"]))
-    return render_frames_of(Quilts(SETTINGS, VIEWS), scene, asked, saved(scene, folder), listener=listener), told
+    kind = Quilts(SETTINGS, views_of_a_frame)
+    return render_frames_of(kind, scene, asked, saved(scene, folder), listener=listener), told
+
+
+def render_alone(scene, folder, frame, views):
+    """The report of the views of this frame, rendered by themselves, and the folder of their files."""
+    settings = replace(SETTINGS, scene=replace(SETTINGS.scene, frame=frame))
+    folder.mkdir()
+    report, _ = render_views_files(scene, settings, views, folder)
+    return report, folder / "out"
 
 
 def quilts(folder):
@@ -89,23 +100,20 @@ def test_each_frame_is_as_it_is_alone(tmp_path, monkeypatch, changes):
     scene = scene_of(tmp_path, *changes)
     render(scene, tmp_path, frames=(1, 3), views=True)
     for frame in (1, 3):
-        alone = tmp_path / f"alone-{frame}"
-        alone.mkdir()
-        settings = StereoSettings(fill="packed", scene=SceneOverrides(**{**vars(SETTINGS.scene), "frame": frame}))
-        report, _ = render_views_files(scene, settings, VIEWS, alone)
+        report, alone = render_alone(scene, tmp_path / f"alone-{frame}", frame, VIEWS)
         told = json.loads((tmp_path / "out" / "reports" / f"{frame:04d}.json").read_text())
         for key in ("frame", "size", "focus_distance", "baseline", "views"):
             assert told[key] == report[key]
         for view in VIEWS.names:
             ours = read_channels(tmp_path / "out" / "views" / f"{view}_{frame:04d}.exr")
-            expected = read_channels(alone / "out" / "views" / f"{view}.exr")
+            expected = read_channels(alone / "views" / f"{view}.exr")
             assert ours.keys() == expected.keys()
             for channel, values in expected.items():
                 np.testing.assert_array_equal(ours[channel], values, err_msg=f"{channel} of {view}")
         ours = read_channels(tmp_path / "out" / f"quilt_{frame:04d}_{TAG}.exr")
-        np.testing.assert_array_equal(ours["R"], read_channels(alone / "out" / f"quilt_{TAG}.exr")["R"])
+        np.testing.assert_array_equal(ours["R"], read_channels(alone / f"quilt_{TAG}.exr")["R"])
         shown = read_png(tmp_path / "out" / f"quilt_{frame:04d}_{TAG}.png")
-        np.testing.assert_allclose(shown, read_png(alone / "out" / f"quilt_{TAG}.png"), atol=2.01 / 255.0)
+        np.testing.assert_allclose(shown, read_png(alone / f"quilt_{TAG}.png"), atol=2.01 / 255.0)
     views = [read_channels(tmp_path / "out" / "views" / f"view_00_{frame:04d}.exr")["R"] for frame in (1, 3)]
     assert np.abs(views[0] - views[1]).mean() > 0.001, "nothing has moved"
 
@@ -137,6 +145,42 @@ def test_a_frame_that_is_rendered_again_is_the_same_though_it_would_be_decided_o
     assert told == [2]
     assert len(list((out / "views").iterdir())) == VIEWS.count
     assert quilts(out) == before
+
+
+def parts_by_name(path):
+    """The view and the channels of each part of an EXR, by the part's name, in the file's order."""
+    return {header["name"]: (header["view"], channels) for header, channels in parts_of(path)}
+
+
+def test_all_views_of_a_frame_may_be_in_one_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(many_views, "_costs", lambda *_: ALL_RENDERED)
+    scene, views = scene_of(tmp_path), replace(VIEWS, layout="multi-view")
+    report, told = render(scene, tmp_path, frames=(1, 3), views_of_a_frame=views)
+    out = tmp_path / "out"
+    assert told == [1, 3]
+    assert [row["files"] for row in report["frames"]] == [
+        [f"quilt_{k:04d}_{TAG}.exr", f"quilt_{k:04d}_{TAG}.png", f"reports/{k:04d}.json", f"views_{k:04d}.exr"]
+        for k in (1, 3)
+    ]
+    assert not (out / "views").exists()
+    for frame in (1, 3):
+        _, alone = render_alone(scene, tmp_path / f"alone-{frame}", frame, views)
+        ours, expected = (parts_by_name(path) for path in (out / f"views_{frame:04d}.exr", alone / "views.exr"))
+        assert list(ours) == list(expected)
+        assert {view for view, _ in ours.values()} == set(VIEWS.names)
+        for name, (view, channels) in expected.items():
+            assert ours[name][0] == view
+            assert ours[name][1].keys() == channels.keys()
+            for channel, values in channels.items():
+                np.testing.assert_array_equal(ours[name][1][channel], values, err_msg=f"{channel} of {name}")
+    before = (out / "views_0003.exr").read_bytes()
+    (out / "views_0003.exr").write_bytes(before[:-100])
+    _, told = render(scene, tmp_path, frames=(1, 3), views_of_a_frame=views, existing="resume")
+    assert told == [3]
+    assert (out / "views_0003.exr").read_bytes() == before
+    _, told = render(scene, tmp_path, frames=(1, 3), views_of_a_frame=views, existing="overwrite")
+    assert told == [1, 3]
+    assert (out / "views_0003.exr").read_bytes() == before
 
 
 # The real command
@@ -172,9 +216,10 @@ def finished(folder):
 
 @posix
 @pytest.mark.slow
-def test_a_killed_run_is_gone_on_with(blend, tmp_path):
-    folder = tmp_path / "out"
-    process = start(blend, folder, "1-4")
+@pytest.mark.parametrize(("layout", "files"), [("individual", 3), ("multi-view", 4)])
+def test_a_killed_run_is_gone_on_with(blend, tmp_path, layout, files):
+    folder, stored = tmp_path / "out", ("--layout", layout)
+    process = start(blend, folder, "1-4", *stored)
     wait_for(process, lambda: len(finished(folder)) >= 1, SECONDS)
     (worker,) = children(process.pid)
     for pid in (process.pid, worker):
@@ -182,11 +227,11 @@ def test_a_killed_run_is_gone_on_with(blend, tmp_path):
     process.communicate(timeout=SECONDS)
     assert 1 <= len(finished(folder)) < 4
     before = quilts(folder)
-    refused = views(blend, folder, "1-4")
+    refused = views(blend, folder, "1-4", *stored)
     assert refused.status == 2
     assert "are there already" in refused.err
     assert "--resume keeps what is whole" in refused.err
-    ended = views(blend, folder, "1-4", "--resume", "--movie")
+    ended = views(blend, folder, "1-4", *stored, "--resume", "--movie")
     assert ended.status == 0, ended.err
     # What was handed over by then, the process that writes has written still.
     assert re.search("^[123] of 4 frames are there already", ended.out, re.MULTILINE)
@@ -197,8 +242,9 @@ def test_a_killed_run_is_gone_on_with(blend, tmp_path):
     assert (folder / f"demo_{TAG}.mp4").is_file()
     report = json.loads((folder / "quilt_animation.json").read_text())
     assert [row["frame"] for row in report["frames"]] == [1, 2, 3, 4]
-    assert len(report["frames"][0]["files"]) == 3
-    again = views(blend, folder, "1-4", "--resume", "--samples", "3")
+    assert [len(row["files"]) for row in report["frames"]] == [files] * 4
+    assert len(list(folder.glob("views_[0-9]*.exr"))) == 4 * (layout == "multi-view")
+    again = views(blend, folder, "1-4", *stored, "--resume", "--samples", "3")
     assert again.status == 0, again.err
     assert "rendered again, for being of other settings: 1-4" in again.out
 

@@ -120,7 +120,7 @@ class Quilts:
         journal: Journal,  # noqa: ARG002 - for pairs
         options: AnimationSettings,  # noqa: ARG002 - for pairs
     ) -> Files:
-        """Return the files of each frame: quilts, views where these are kept, and a report; see `FrameKind`."""
+        """Return the files of each frame: quilts, views where these are stored, and a report; see `FrameKind`."""
         return {frame: [output.folder / name for name in output.frames.files(frame)] for frame in output.files}
 
     def order(self, output: QuiltOutput) -> dict[str, Any]:

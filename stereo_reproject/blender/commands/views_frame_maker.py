@@ -51,7 +51,7 @@ class ViewsFrameMaker(BlenderFrameMaker):
         (folder / VIEWS_FOLDER).mkdir(parents=True, exist_ok=True)
         settings = self._settings_at(frame)
         # A compositor may read any of them.
-        keeps_passes = self._files.keeps_views or runs_compositor(self._scene)
+        keeps_passes = self._files.layout is not None or runs_compositor(self._scene)
         report, _ = render_views_of_frame(
             self._scene,
             settings,

@@ -16,9 +16,10 @@ import bpy
 from ...errors import StereoReprojectError
 from ...files import made_in
 from ...images.exr import VIEWS, read_eye
+from ...images.multi_view import write_multi_view
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import Session
-from ...jobs.work_folder import FILES, VIEWS_FOLDER
+from ...jobs.work_folder import ALL_VIEWS, FILES, VIEWS_FOLDER
 from ...sequence.frames import publish_frame
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output, is_full
@@ -159,6 +160,10 @@ class QuiltPictures:
             write_quilt(self._scene, pictures, quilt.columns, quilt.rows, path, frame=number)
             made[self._files.picture(number, extension)] = path
         kept = {name: views / f"{view}.exr" for view, name in self._files.view_files(number).items()}
+        all_views = self._files.all_views(number)
+        if all_views is not None:
+            kept[all_views] = folder / ALL_VIEWS
+            write_multi_view(kept[all_views], {name: views / f"{name}.exr" for name in names})
         return {**made, **kept, self._files.report(number): folder / FILES[-1]}
 
 

@@ -16,7 +16,7 @@ from ...delivery.quilts import Quilt, with_smaller_views
 from ...errors import BadInputError, StereoReprojectError
 from ...sequence.quilt_frames import FRAMES_NAME, QuiltFrames
 from ...settings.animation import AnimationSettings
-from ...settings.views import ViewsSettings
+from ...settings.views import VIEWS_LAYOUTS, ViewsSettings
 from ...words import Words
 from ..scene.rendered import scene_frames
 from ..scene.rig import frame_region
@@ -77,7 +77,7 @@ def quilt_output_of(
     """
     assert options.output is not None
     options = replace(options, frames=tuple(scene_frames(scene)) if options.frames is None else options.frames)
-    folder, files = Path(options.output), QuiltFrames(_quilt(scene, views, size), views.names, options.views)
+    folder, files = Path(options.output), QuiltFrames(_quilt(scene, views, size), views.names, _stored(views, options))
     output = QuiltOutput(
         folder=folder,
         name=FRAMES_NAME,
@@ -95,6 +95,12 @@ def quilt_output_of(
         options = replace(options, movie=str(movie_path(options.movie, folder, f"{stem}_{files.quilt.tag}.mp4")))
     check_output(output, options)
     return options, output
+
+
+def _stored(views: ViewsSettings, options: AnimationSettings) -> str | None:
+    """Return how the views of a frame are stored besides their quilt, one of `VIEWS_LAYOUTS`; None where they are
+    not."""
+    return views.layout if options.views or views.layout != VIEWS_LAYOUTS[0] else None
 
 
 def _quilt(scene: bpy.types.Scene, views: ViewsSettings, size: Sequence[int] | None) -> Quilt:
