@@ -182,10 +182,8 @@ def check_frames_of_views(arguments: argparse.Namespace) -> None:
             raise BadInputError(
                 "--compare is for one frame alone: leave it out with --frames, or name one frame by --frame"
             )
-        if arguments.from_scene:
-            raise BadInputError(
-                "--from-scene is for one frame alone: leave it out with --frames, or name one frame by --frame"
-            )
+        if arguments.from_scene and arguments.movie is not None and arguments.quilt is None:
+            raise BadInputError("--movie shows quilts, and the scene's own views have one with --quilt alone: name it")
         if arguments.view_files and arguments.views_layout != VIEWS_LAYOUTS[0]:
             raise BadInputError("--view-files has each view in a file of its own, --layout all in one: leave one out")
         return

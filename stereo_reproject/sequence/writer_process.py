@@ -52,8 +52,8 @@ class WrittenFrame:
     writer releases when the frame is written.
 
     folder holds its pictures: of a pair left.exr, right.exr and, if they are asked for, holes.png and cutouts.png; of
-    many views views/view_00.exr and so on, and report.json. metadata are those of its passes. record has the fields of
-    its `Record` but for the files.
+    many views views/view_00.exr and so on, report.json, and quilt.json, see `quilt_frames.QUILT_ORDER`. metadata are
+    those of its passes. record has the fields of its `Record` but for the files.
     """
 
     frame: int

@@ -355,7 +355,7 @@ def test_views_take_what_a_picture_has_and_nothing_that_only_a_pair_has(place, c
         ("--frames 1-3 --frame 2", "--frame and --frames each say which frames are rendered"),
         ("--frames 1-3 --resume --overwrite", "argument --overwrite: not allowed with argument --resume"),
         ("--frames 1-3 --compare", "--compare is for one frame alone: leave it out with --frames"),
-        ("--frames 1-3 --from-scene", "--from-scene is for one frame alone: leave it out with --frames"),
+        ("--frames 1-3 --from-scene --movie", "--movie shows quilts, and the scene's own views have one with --quilt"),
         ("--frames 1-3 --layout multi-view --view-files", "--view-files has each view in a file of its own"),
         ("--frame 3 --resume", "--resume is for several frames: name them by --frames"),
         ("--overwrite", "--overwrite is for several frames: name them by --frames"),
@@ -1316,6 +1316,14 @@ def test_frames_whose_views_are_in_one_file_as_the_worker_gets_them(place):
     (job,) = jobs_told(place)
     assert job["views"]["layout"] == "multi-view"
     assert (job["animation"]["layout"], job["animation"]["views"]) == (None, False)
+
+
+def test_frames_of_the_scenes_own_views_as_the_worker_gets_them(place):
+    options = "--frames 1-3 --from-scene --quilt 2x2 --movie"
+    assert many_views(place, *options.split(), behaviour="animation") == 0
+    (job,) = jobs_told(place)
+    assert ViewsSettings(**job["views"]) == ViewsSettings(0, columns=2, rows=2, from_scene=True)
+    assert (job["animation"]["frames"], job["animation"]["movie"]) == ([1, 2, 3], "")
 
 
 def test_a_blender_that_ends_on_a_frame_of_many_views_is_followed_by_another(place, capsys):

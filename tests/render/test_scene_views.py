@@ -8,8 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.commands.view_rigs import rig_of
+from stereo_reproject.blender.commands.view_rigs import cameras_in, rig_of
 from stereo_reproject.blender.commands.views import render_views_files
+from stereo_reproject.blender.engines.scene_views_renderer import camera_of
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.view_cameras import cameras_of_views
 from stereo_reproject.blender.scene.working import working_scene
@@ -55,6 +56,23 @@ def with_views(scene, suffixes=LINE, step=0.15):
         camera.rotation_euler.rotate_axis("Y", 0.01 * number)
     bpy.context.view_layer.update()
     return scene
+
+
+def test_cameras_stand_where_they_do_in_the_frame_that_is_asked_for(tmp_path):
+    """The file was saved at another frame, and each camera has curves of its own."""
+    scene, first = with_views(small_studio(tmp_path)), bpy.context.scene.frame_current
+    for number, suffix in enumerate(LINE.values()):
+        camera = scene.objects[f"Rig{suffix}"]
+        for frame, x in ((first, 0.0), (first + 4, 4.0 * number)):
+            camera.location = (x, 0.0, 0.0)
+            camera.keyframe_insert("location", frame=frame)
+    scene.frame_set(first)
+    with (
+        working_scene(scene, SceneOverrides(frame=first + 4)) as working,
+        cameras_in(scene, working, FROM_SCENE) as copies,
+    ):
+        places = {round(camera_of(working, name).world_from_camera[0, 3]) for name in copies.values()}
+    assert places == {0, 4, 8, 12}
 
 
 def in_blenders_order(scene):
@@ -113,8 +131,8 @@ def test_traced_pixels_are_those_of_a_whole_render(tmp_path, change, packed_by):
     with_views(scene)
     if change in (on_a_dolly, on_a_turning_dolly):
         change(scene)
-    with working_scene(scene, SceneOverrides()) as working:
-        rig = rig_of(scene, working, FROM_SCENE)
+    with working_scene(scene, SceneOverrides()) as working, cameras_in(scene, working, FROM_SCENE) as copies:
+        rig = rig_of(scene, working, FROM_SCENE, copies)
         with rig.renderer(working, tmp_path, user_scene=scene, packed_by=packed_by) as renderer:
             assert renderer.fill_blockers(10.0)["packed"] is None
             names = [rig.asked[rig.made.index(name)] for name in ("right", "mid dle")]
@@ -142,8 +160,8 @@ def test_what_a_portal_hangs_before_one_camera_is_seen_by_no_other(tmp_path):
     back.rotation_euler = front.rotation_euler
     bpy.context.view_layer.update()
     back.location = front.location + 0.5 * front.matrix_world.to_3x3().normalized().col[2]
-    with working_scene(scene, SceneOverrides()) as working:
-        rig = rig_of(scene, working, FROM_SCENE)
+    with working_scene(scene, SceneOverrides()) as working, cameras_in(scene, working, FROM_SCENE) as copies:
+        rig = rig_of(scene, working, FROM_SCENE, copies)
         with rig.renderer(working, tmp_path, user_scene=scene, packed_by="portal") as renderer:
             before, behind = (rig.asked[rig.made.index(name)] for name in ("right", "mid dle"))
             shape = working.render.resolution_y, working.render.resolution_x

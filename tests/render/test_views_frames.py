@@ -15,6 +15,7 @@ from stereo_reproject.blender.commands.animation import SavedScene, render_frame
 from stereo_reproject.blender.commands.frame_kinds import Quilts
 from stereo_reproject.blender.commands.views import render_views_files
 from stereo_reproject.blender.output.pictures import read_png
+from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.exr import read_channels
 from stereo_reproject.jobs.supervisor import Session
 from stereo_reproject.jobs.work_folder import WORK_PREFIX
@@ -25,11 +26,14 @@ from stereo_reproject.sequence.progress import Listener
 from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.settings.views import ViewsSettings
+from tests.blender.snapshot import everything
 from tests.delivery.movies import frames as movie_frames
 from tests.images.test_multi_view import parts_of
 from tests.render import processes
 from tests.render.processes import children, wait_for
 from tests.render.test_command_line import DEMO, workers_of
+from tests.render.test_fill import PACKED
+from tests.render.test_scene_views import with_views
 from tests.render.test_trace_requests import small_studio
 
 VIEWS = ViewsSettings(4, baseline=0.3, columns=2, rows=2)
@@ -183,6 +187,126 @@ def test_all_views_of_a_frame_may_be_in_one_file(tmp_path, monkeypatch):
     assert (out / "views_0003.exr").read_bytes() == before
 
 
+# The scene's own views
+
+RIG = {"left": "_L", "mid:dle": "_M", "right": "_R"}
+"""Suffixes of the views, by name: one of them is no name of a file."""
+
+FROM_SCENE = ViewsSettings(0, from_scene=True)
+
+
+def moving_rig(scene):
+    """Each camera is animated by itself: one passes another, and one zooms."""
+    with_views(scene, RIG)
+    passing, zooming = scene.objects["Rig_M"], scene.objects["Rig_R"].data
+    across = scene.camera.matrix_world.to_3x3().normalized().col[0]
+    start = passing.location.copy()
+    for frame, away in ((1, 0.0), (3, 0.3)):
+        passing.location = start + away * across
+        passing.keyframe_insert("location", frame=frame)
+        zooming.lens = 40.0 + 10.0 * away
+        zooming.keyframe_insert("lens", frame=frame)
+    scene.frame_set(1)
+
+
+def same_views(folder, alone, frame):
+    """Assert that the views of a frame are, to the bit, those of a run of this frame alone."""
+    for file in ("left", "mid_dle", "right"):
+        ours = read_channels(folder / "views" / f"{file}_{frame:04d}.exr")
+        expected = read_channels(alone / "views" / f"{file}.exr")
+        assert ours.keys() == expected.keys()
+        for channel, values in expected.items():
+            np.testing.assert_array_equal(ours[channel], values, err_msg=f"{channel} of {file}")
+
+
+@pytest.mark.parametrize("packed_by", PACKED)
+def test_the_scenes_own_cameras_stand_in_each_frame_as_in_it_alone(tmp_path, monkeypatch, packed_by):
+    monkeypatch.setattr(many_views, "_costs", lambda *_: NEARLY_FREE)
+    monkeypatch.setattr(f"{__name__}.SETTINGS", replace(SETTINGS, packed_by=packed_by))
+    scene, views = scene_of(tmp_path, moving_rig), replace(FROM_SCENE, columns=2, rows=2)
+    before = everything()
+    report, told = render(scene, tmp_path, views_of_a_frame=views)
+    assert everything() == before
+    out = tmp_path / "out"
+    assert told == [1, 2, 3]
+    assert json.loads((out / "views_animation.json").read_text())["frames"] == report["frames"]
+    assert [row["rendered_views"] for row in report["frames"]] == [2, 2, 2]
+    assert any("of the 4 places of the quilt, 1 stay black" in line for line in report["warnings"])
+    orders = []
+    for frame in (1, 2, 3):
+        own, alone = render_alone(scene, tmp_path / f"alone-{frame}", frame, views)
+        told_of = json.loads((out / "reports" / f"{frame:04d}.json").read_text())
+        assert [(view["name"], view["how"]) for view in told_of["views"]] == [
+            (view["name"], view["how"]) for view in own["views"]
+        ]
+        orders.append([view["name"] for view in own["views"] if view["how"] == "made"])
+        same_views(out, alone, frame)
+        quilt = read_channels(out / f"quilt_{frame:04d}_{TAG}.exr")["R"]
+        np.testing.assert_array_equal(quilt, read_channels(alone / f"quilt_{TAG}.exr")["R"])
+    assert orders[0] == ["mid:dle"]
+    assert orders[2] == ["right"], "no camera has passed another"
+
+
+def test_the_scenes_own_views_need_no_quilt(tmp_path, monkeypatch):
+    monkeypatch.setattr(many_views, "_costs", lambda *_: ALL_RENDERED)
+    scene = scene_of(tmp_path, moving_rig)
+    report, told = render(scene, tmp_path, views_of_a_frame=FROM_SCENE)
+    out = tmp_path / "out"
+    assert told == [1, 2, 3]
+    files = sorted(path.relative_to(out).as_posix() for path in out.rglob("*.*") if JOURNAL not in path.parts)
+    views = [f"views/{file}_{k:04d}.exr" for file in ("left", "mid_dle", "right") for k in (1, 2, 3)]
+    assert [name for name in files if name.startswith(("quilt", "views/"))] == views
+    assert report["frames"][0]["files"] == ["reports/0001.json", *views[::3]]
+    (out / "views" / "left_0002.exr").unlink()
+    assert render(scene, tmp_path, views_of_a_frame=FROM_SCENE, existing="resume")[1] == [2]
+    # What a view's camera is called is its suffix alone, which is in no fingerprint of pairs.
+    one, other = scene.render.views["left"], scene.render.views["right"]
+    one.camera_suffix, other.camera_suffix = other.camera_suffix, one.camera_suffix
+    assert render(scene, tmp_path, views_of_a_frame=FROM_SCENE, existing="resume")[1] == [1, 2, 3]
+    in_one = replace(FROM_SCENE, layout="multi-view")
+    report, _ = render(scene, tmp_path, frames=(2,), views_of_a_frame=in_one, existing="overwrite")
+    assert report["frames"][0]["files"] == ["reports/0002.json", "views_0002.exr"]
+    assert {view for view, _ in parts_by_name(out / "views_0002.exr").values()} == set(RIG)
+
+
+def without_a_camera_later(scene):
+    """A marker switches to a camera of another rig, which lacks one."""
+    other = scene.camera.copy()
+    other.name = "Other_L"
+    scene.collection.objects.link(other)
+    scene.timeline_markers.new("cut", frame=3).camera = other
+
+
+def orthographic_later(scene):
+    without_a_camera_later(scene)
+    for suffix in ("_M", "_R"):
+        other = scene.camera.copy()
+        other.name, other.data = f"Other{suffix}", other.data.copy()
+        scene.collection.objects.link(other)
+    scene.objects["Other_R"].data.type = "ORTHO"
+
+
+def scenes_camera_first(scene):
+    """Of several markers, Blender takes the first before all."""
+    scene.timeline_markers.new("first", frame=1).camera = scene.camera
+
+
+@pytest.mark.parametrize(
+    ("changes", "views", "line"),
+    [
+        ((scenes_camera_first, without_a_camera_later), {}, "the scene needs one called 'Other_R'"),
+        ((scenes_camera_first, orthographic_later), {}, "camera 'Other_R' is no perspective camera"),
+        ((), {"columns": 2, "rows": 1}, "a quilt of 2 x 1 must have a place for each of the 3 views"),
+    ],
+)
+def test_what_a_later_frame_lacks_is_said_before_the_first(tmp_path, changes, views, line):
+    scene = scene_of(tmp_path, moving_rig, *changes)
+    with pytest.raises(BadInputError, match=line) as told:
+        render(scene, tmp_path, views_of_a_frame=replace(FROM_SCENE, **views))
+    assert "\n" not in str(told.value)
+    assert not (tmp_path / "out").exists()
+
+
 # The real command
 
 
@@ -274,6 +398,31 @@ def test_two_runs_share_the_frames(blend, tmp_path):
     report = json.loads((folder / "quilt_animation.json").read_text())
     assert [row["frame"] for row in report["frames"]] == [1, 2, 3, 4, 5]
     assert not list((folder / JOURNAL).glob("*.claim.*"))
+
+
+@posix
+@pytest.mark.slow
+def test_a_killed_run_of_the_scenes_own_views_is_gone_on_with_by_two(tmp_path):
+    blend, folder = tmp_path / "rig.blend", tmp_path / "out"
+    bpy.ops.wm.open_mainfile(filepath=str(DEMO), load_ui=False)
+    moving_rig(bpy.context.scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend), compress=False)
+    asked = ("--from-scene", "--frames", "1-4", *SIZE)
+    process = processes.start("views", blend, folder, *asked)
+    wait_for(process, lambda: len(list((folder / JOURNAL).glob("views_[0-9]*.json"))) >= 1, SECONDS)
+    (worker,) = children(process.pid)
+    for pid in (process.pid, worker):
+        os.kill(pid, signal.SIGKILL)
+    process.communicate(timeout=SECONDS)
+    both = [processes.start("views", blend, folder, *asked, "--resume") for _ in range(2)]
+    ended = [end(process, folder) for process in both]
+    assert [run.status for run in ended] == [0, 0], [run.err for run in ended]
+    rows = json.loads((folder / "views_animation.json").read_text())["frames"]
+    assert [row["frame"] for row in rows] == [1, 2, 3, 4]
+    assert len(list((folder / "views").iterdir())) == 4 * len(RIG)
+    again = end(processes.start("views", blend, folder, *asked, "--quilt", "3x1"), folder)
+    assert again.status == 2
+    assert "are there already" in again.err
 
 
 @pytest.mark.slow

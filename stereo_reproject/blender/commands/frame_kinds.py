@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,9 +21,10 @@ from ..output.frame_writer import CUTOUTS, picture_name
 from ..output.quilt_files import display_pixels
 from ..output.quilt_output import QuiltOutput, quilt_output_of
 from ..scene.panoramas import is_panorama
-from ..scene.rendered import camera_at
+from ..scene.rendered import camera_at, scene_frames
 from .frame_maker import BlenderFrameMaker
 from .pair_maker import PairMaker
+from .view_rigs import files_of_views
 from .views_frame_maker import ViewsFrameMaker
 
 Files = dict[int, list[Path]]
@@ -100,7 +101,8 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Quilts:
-    """Frames that are many views, each frame in a quilt: a `FrameKind`."""
+    """Frames that are many views, each frame in a quilt, or of the scene's own views in files of theirs: a
+    `FrameKind`."""
 
     settings: StereoSettings
     views: ViewsSettings
@@ -110,8 +112,11 @@ class Quilts:
         return display_pixels(scene, self.views.aspect, self.settings.scene.size)
 
     def output(self, scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, QuiltOutput]:
-        """Return the output of quilts in the folder of the options; see `FrameKind`."""
-        return quilt_output_of(scene, options, self.views, self.settings.scene.size)
+        """Return the output of many views in the folder of the options; see `FrameKind`. All frames are looked at."""
+        overrides = self.settings.scene
+        frames = scene_frames(scene) if options.frames is None else options.frames
+        files = files_of_views(scene, overrides, self.views, frames)
+        return quilt_output_of(scene, replace(options, frames=tuple(frames)), self.views, overrides.size, files)
 
     def files(
         self,
@@ -124,7 +129,7 @@ class Quilts:
         return {frame: [output.folder / name for name in output.frames.files(frame)] for frame in output.files}
 
     def order(self, output: QuiltOutput) -> dict[str, Any]:
-        """Return the names of the quilts' files; see `FrameKind`."""
+        """Return the names of the frames' files; see `FrameKind`."""
         return {"quilt": output.frames}
 
     @property

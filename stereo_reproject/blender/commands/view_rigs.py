@@ -13,14 +13,23 @@ import bpy
 
 from ...pipeline.views_maker import FinishedView, PlanStep
 from ...report.views_report import plan_lines
+from ...settings.frame import SceneOverrides
 from ...settings.views import ViewsSettings, view_names
 from ...views.camera import Camera
 from ...views.camera_order import line_order, order_of
 from ...views.cone import baseline_of, cone_degrees, offsets_of
 from ...words import Words
-from ..engines.scene_views_renderer import SceneViewsRenderer, camera_of, copies_of_cameras, own_view
-from ..engines.views_renderer import ManyViewsRenderer, ViewsRenderer, set_up_middle, standing_beside
+from ..engines.scene_views_renderer import (
+    SceneViewsRenderer,
+    camera_of,
+    copies_of_cameras,
+    looking_through,
+    own_view,
+)
+from ..engines.views_renderer import ManyViewsRenderer, ViewsRenderer, check_views, set_up_middle, standing_beside
 from ..scene.cone_room import cone_warnings
+from ..scene.rendered import camera_at, engine_of
+from ..scene.rig import check_camera
 from ..scene.view_cameras import cameras_of_views, file_name_of
 from ..scene.working import evaluated
 
@@ -73,7 +82,15 @@ class ViewRig:
     def asked(self) -> tuple[str, ...]:
         """The names by which the renderer knows the views, in the order in which they are made: those of the scene may
         be those of Blender's eyes."""
-        return view_names(len(self.made))
+        asked = asked_names(self.names)
+        return tuple(asked[name] for name in self.made)
+
+    @property
+    def in_quilt(self) -> tuple[str, ...]:
+        """The names of the views' files, without their extension, in the order of their places in a quilt: cameras on a
+        line from the leftmost to the rightmost, others in the order of the views."""
+        files = self.files
+        return tuple(files[name] for name in (self.made if self.is_line else self.names))
 
     def named(self, view: FinishedView) -> FinishedView:
         """Return a finished view with the names that it and its sources have for users."""
@@ -100,11 +117,56 @@ def count_of_views(scene: bpy.types.Scene, views: ViewsSettings, frame: int | No
     return len(cameras_of_views(scene, scene.frame_current if frame is None else frame))
 
 
-def rig_of(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSettings) -> ViewRig:
-    """Return the cameras of the views that are asked for; working is a working scene of the user's scene. Raises
+def asked_names(names: Iterable[str]) -> dict[str, str]:
+    """Return the names by which a renderer knows views, by the names that they have for users."""
+    names = list(names)
+    return dict(zip(names, view_names(len(names)), strict=True))
+
+
+def files_of_views(
+    scene: bpy.types.Scene, overrides: SceneOverrides, views: ViewsSettings, frames: Iterable[int]
+) -> dict[str, str]:
+    """Return the names of the views' files, without their extension, by view, for these frames of a user's scene, each
+    of which is looked at. Raises BadInputError where the views cannot be rendered in one of them."""
+    engine = engine_of(scene, overrides)
+    # Where no marker switches cameras, all frames have one.
+    frame_by_camera = {camera and camera.session_uid: frame for frame in frames for camera in [camera_at(scene, frame)]}
+    names: tuple[str, ...] = views.names
+    for frame in frame_by_camera.values():
+        if views.from_scene:
+            cameras = cameras_of_views(scene, frame)
+            names = tuple(cameras)
+            views.check_places(len(names))
+        else:
+            cameras = {"": check_camera(camera_at(scene, frame))}
+        for camera in cameras.values():
+            check_views(camera, engine)
+    return {name: file_name_of(name) for name in names}
+
+
+Copies = Mapping[str, str]
+"""Names of the cameras in a working scene for a scene's own views, by the names by which the renderer knows these."""
+
+
+@contextmanager
+def cameras_in(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSettings) -> Iterator[Copies]:
+    """Have the cameras of a user's scene for its own views in a working scene, for the time of a `with` block; no
+    others than the scene's camera where other views are asked for. They may stay from frame to frame. Raises
     BadInputError."""
+    if not views.from_scene:
+        yield {}
+        return
+    cameras = cameras_of_views(scene, working.frame_current)
+    asked = asked_names(cameras)
+    with copies_of_cameras(working, {asked[name]: camera for name, camera in cameras.items()}) as copies:
+        yield copies
+
+
+def rig_of(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSettings, copies: Copies) -> ViewRig:
+    """Return the cameras of the views that are asked for, as they stand in the present frame; working is a working
+    scene of the user's scene, and copies are those of `cameras_in`. Raises BadInputError."""
     if views.from_scene:
-        return _scene_rig(scene, working, views)
+        return _scene_rig(scene, working, views, copies)
     cone = cone_of(working, views)
     names = view_names(cone.count)
     degrees = cone_degrees(cone.baseline, cone.focus_distance)
@@ -157,12 +219,11 @@ Cameras = Mapping[str, bpy.types.Object]
 """Cameras of a user's scene by view name."""
 
 
-def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSettings) -> ViewRig:
+def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSettings, copies: Copies) -> ViewRig:
     """Return the cameras of a user's scene for its own views."""
     cameras = cameras_of_views(scene, working.frame_current)
-    names = tuple(cameras)
-    with copies_of_cameras(working, cameras) as copies:
-        seen = [camera_of(working, copy) for copy in copies.values()]
+    names, asked = tuple(cameras), asked_names(cameras)
+    seen = [camera_of(working, copies[asked[name]]) for name in names]
     line = line_order(seen)
     made = tuple(names[number] for number in line or order_of(seen))
     warnings = []
@@ -173,11 +234,15 @@ def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSet
                 " a quilt"
             )
         )
+    places = (views.columns or 0) * (views.rows or 0)
+    if places > len(names):
+        message = "the scene has {count} views: of the {places} places of the quilt, {empty} stay black"
+        warnings.append(Words(message, count=len(names), places=places, empty=places - len(names)))
     return ViewRig(
         names,
         made,
         line is not None,
-        partial(_scene_renderer, {name: cameras[name] for name in made}),
+        partial(_scene_renderer, {asked[name]: copies[asked[name]] for name in made}),
         partial(_own_views, cameras),
         cameras={name: camera.name for name, camera in cameras.items()},
         warnings=tuple(warnings),
@@ -186,18 +251,20 @@ def _scene_rig(scene: bpy.types.Scene, working: bpy.types.Scene, views: ViewsSet
 
 @contextmanager
 def _scene_renderer(
-    cameras: Cameras, working: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene, packed_by: str
+    cameras: Copies, working: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene, packed_by: str
 ) -> Iterator[ManyViewsRenderer]:
     """Have a renderer of a scene's own views, as `MakeRenderer` says. Their cameras are in the order in which they are
     made."""
-    asked = dict(zip(view_names(len(cameras)), cameras.values(), strict=True))
-    with copies_of_cameras(working, asked) as copies:
-        yield SceneViewsRenderer(working, folder, copies, user_scene=user_scene, packed_by=packed_by)
+    with looking_through(working, next(iter(cameras.values()))):
+        yield SceneViewsRenderer(working, folder, cameras, user_scene=user_scene, packed_by=packed_by)
 
 
 @contextmanager
 def _own_views(cameras: Cameras, working: bpy.types.Scene) -> Iterator[Standing]:
     """Have a working scene set up to render its own views, as `ViewRig` says of `standing`."""
-    asked = dict(zip(cameras, view_names(len(cameras)), strict=True))
-    with copies_of_cameras(working, {asked[name]: camera for name, camera in cameras.items()}):
+    asked = asked_names(cameras)
+    with (
+        copies_of_cameras(working, {asked[name]: camera for name, camera in cameras.items()}) as copies,
+        looking_through(working, next(iter(copies.values()))),
+    ):
         yield lambda name: own_view(working, asked[name])

@@ -40,7 +40,7 @@ from ..scene.working import WorkingScenes, working_scene
 from .compare_views import PlainViews, compare_views
 from .frame import memory_report, picture_header
 from .known_costs import known_costs, learn_costs
-from .view_rigs import ViewRig, count_of_views, rig_of
+from .view_rigs import Copies, ViewRig, cameras_in, count_of_views, rig_of
 from .views_pictures import ViewPlaces, write_pictures
 
 
@@ -96,22 +96,26 @@ class SharedFrame:
 
 @contextmanager
 def _working(
-    scene: bpy.types.Scene, settings: StereoSettings, layer: str, shared: SharedFrame | None
-) -> Iterator[bpy.types.Scene]:
-    """Have a working scene for the views of a view layer, for the time of a `with` block: that of an animation's frames
-    if they share one, with its camera set as before afterwards."""
+    scene: bpy.types.Scene, settings: StereoSettings, views: ViewsSettings, layer: str, shared: SharedFrame | None
+) -> Iterator[tuple[bpy.types.Scene, Copies]]:
+    """Have a working scene for the views of a view layer, with the cameras of the scene's own views, for the time of a
+    `with` block: that of an animation's frames if they share one, with its camera set as before afterwards."""
     if shared is None:
-        with working_scene(scene, settings.scene, layer=layer) as working:
-            yield working
+        with working_scene(scene, settings.scene, layer=layer) as working, cameras_in(scene, working, views) as copies:
+            yield working, copies
         return
     working = shared.scenes.at(settings.scene, layer)
+    copies = shared.scenes.beside(lambda kept: cameras_in(scene, kept, views))
+    if views.from_scene:
+        yield working, copies
+        return
     if stereo_moves(working):
-        yield working
+        yield working, copies
         # They were held still, and another frame needs what moves them.
         shared.scenes.close()
         return
     with stereo_restored(working):
-        yield working
+        yield working, copies
 
 
 def render_views_of_frame(
@@ -136,8 +140,8 @@ def render_views_of_frame(
 
     watch = Stopwatch(Onlooker(on_stage, onlooker.show))
     watch.lap(Stage.PLAN)
-    with _working(scene, settings, layer, shared) as working:
-        rig = rig_of(scene, working, views)
+    with _working(scene, settings, views, layer, shared) as (working, copies):
+        rig = rig_of(scene, working, views, copies)
         with rig.renderer(working, places.work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
             facts = {**vars(picture_header(scene, working, settings)), **_facts(scene, views, renderer, rig)}
             for line in facts["warnings"]:

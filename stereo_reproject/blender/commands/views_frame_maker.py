@@ -15,6 +15,7 @@ from ...pipeline.stages import RENDERING
 from ...report.as_json import as_json
 from ...report.views_report import RENDERED, ViewsReport
 from ...sequence.progress import Listener
+from ...sequence.quilt_frames import QUILT_ORDER
 from ...sequence.writer_process import WriterJob
 from ...settings.views import ViewsSettings
 from ..output.view_files import runs_compositor
@@ -28,7 +29,7 @@ KEYS_OF_A_FRAME = ("size", "samples", "accuracy", "seconds", "memory")
 
 class ViewsFrameMaker(BlenderFrameMaker):
     """Maker of frames that are many views; `views` are their settings. The other parameters are those of
-    `BlenderFrameMaker`, with an order for quilts."""
+    `BlenderFrameMaker`, with an order that has their files."""
 
     def __init__(
         self,
@@ -52,7 +53,7 @@ class ViewsFrameMaker(BlenderFrameMaker):
         settings = self._settings_at(frame)
         # A compositor may read any of them.
         keeps_passes = self._files.layout is not None or runs_compositor(self._scene)
-        report, _ = render_views_of_frame(
+        report, kept = render_views_of_frame(
             self._scene,
             settings,
             self._views,
@@ -66,6 +67,7 @@ class ViewsFrameMaker(BlenderFrameMaker):
         figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
         fields = {**as_json(report), "files": self._files.files(frame)}
         write_json(folder / FILES[-1], fields)
+        write_json(folder / QUILT_ORDER, {"views": list(kept.rig.in_quilt)})
         return figures, {}
 
 

@@ -41,9 +41,8 @@ def write_pictures(
     if quilt is not None:
         name = quilt_name(quilt.columns, quilt.rows, quilt.aspect)
         quilts = [f"{name}.png", f"{name}.exr"]
-        in_quilt = along if rig.is_line else pictures
         for file in quilts:
-            write_quilt(scene, in_quilt, quilt.columns, quilt.rows, out / file, frame=frame)
+            write_quilt(scene, ViewFiles(folder, rig.in_quilt), quilt.columns, quilt.rows, out / file, frame=frame)
     write_contact_sheet(scene, pictures, rig.names, out / CONTACT_SHEET, frame=frame)
     write_sweep(scene, along, out / SWEEP, frame=frame)
     holes = [] if places.holes is None else sorted(f"{HOLES_FOLDER}/{path.name}" for path in places.holes.glob("*.png"))

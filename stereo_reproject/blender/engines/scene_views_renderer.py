@@ -23,7 +23,7 @@ from ..scene.motion import while_open
 from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of
 from ..scene.vr_cameras import copy_of_camera
-from ..scene.working import KEPT_OBJECT, changed, evaluated, remove_kept, rendered_layer
+from ..scene.working import KEPT_OBJECT, changed, evaluate_anew, evaluated, remove_kept, rendered_layer
 from .portal_sheet import hide_sheet
 from .views_renderer import ONE_VIEW_AT_A_TIME, ManyViewsRenderer, check_views
 
@@ -37,11 +37,10 @@ APERTURE = ("aperture_blades", "aperture_rotation", "aperture_ratio")
 
 
 @contextmanager
-def copies_of_cameras(
-    working: bpy.types.Scene, cameras: Mapping[str, bpy.types.Object]
-) -> Iterator[Mapping[str, bpy.types.Object]]:
-    """Have copies of the user's cameras in a working scene for the time of a `with` block; gives them by view name. The
-    first of them is the scene's camera then, and Blender finds all of them by the views of these names.
+def copies_of_cameras(working: bpy.types.Scene, cameras: Mapping[str, bpy.types.Object]) -> Iterator[Mapping[str, str]]:
+    """Have copies of the user's cameras in a working scene for the time of a `with` block; gives their names by view
+    name, since a reference may not survive a render. While any of them is the scene's camera, Blender finds all of them
+    by the views of these names.
 
     Raises BadInputError for an engine or a camera that many views cannot be rendered with.
     """
@@ -53,8 +52,9 @@ def copies_of_cameras(
     with ExitStack() as copies:
         found = {}
         for name, camera in cameras.items():
-            copy = found[name] = copy_of_camera(camera, SceneOverrides())
+            copy = copy_of_camera(camera, SceneOverrides())
             copy.name = f"{stem}{name}"
+            found[name] = copy.name
             copies.callback(_remove, copy.name, copy.data.name)
             # A property of the user's own may have the name of ours.
             copy.pop(KEPT_OBJECT, None)
@@ -63,8 +63,8 @@ def copies_of_cameras(
             # With this pivot the left eye is the camera itself.
             stereo.pivot, stereo.convergence_mode, stereo.use_spherical_stereo = "LEFT", "PARALLEL", False
         _name_views(working.render, list(found))
-        with changed(working, camera=next(iter(found.values()))):
-            yield found
+        evaluate_anew(working)
+        yield found
 
 
 def _name_views(render: bpy.types.RenderSettings, names: Sequence[str]) -> None:
@@ -101,10 +101,10 @@ def looking_through(working: bpy.types.Scene, camera: str) -> Iterator[str]:
         yield "left"
 
 
-def camera_of(working: bpy.types.Scene, camera: bpy.types.Object) -> PerspectiveCamera:
-    """Return a camera of `copies_of_cameras` as it is at the present time. Raises BadInputError where it has no
-    view."""
-    eye = stereo_cameras(evaluated(camera, working), working.render)["left"]
+def camera_of(working: bpy.types.Scene, camera: str) -> PerspectiveCamera:
+    """Return the camera of this name, of those of `copies_of_cameras`, as it is at the present time. Raises
+    BadInputError where it has no view."""
+    eye = stereo_cameras(evaluated(bpy.data.objects[camera], working), working.render)["left"]
     assert isinstance(eye, PerspectiveCamera)
     return eye
 
@@ -112,23 +112,31 @@ def camera_of(working: bpy.types.Scene, camera: bpy.types.Object) -> Perspective
 class SceneViewsRenderer(ManyViewsRenderer):
     """Renderer of a working scene for its own views.
 
-    cameras are those of `copies_of_cameras`, by view name, which must not be those of Blender's eyes. The other
-    parameters are those of `BlenderRenderer`.
+    cameras are those of `copies_of_cameras`, by view name, which must not be those of Blender's eyes; one of them is
+    the scene's camera. The other parameters are those of `BlenderRenderer`.
     """
 
     def __init__(
         self,
         scene: bpy.types.Scene,
         folder: Path,
-        cameras: Mapping[str, bpy.types.Object],
+        cameras: Mapping[str, str],
         *,
         user_scene: bpy.types.Scene | None = None,
         packed_by: str = "auto",
     ) -> None:
-        self._camera_names = {view: camera.name for view, camera in cameras.items()}
+        self._camera_names = dict(cameras)
         views = {view: camera_of(scene, camera) for view, camera in cameras.items()}
         self._unlike = _why_unlike(scene, list(cameras.values()))
         super().__init__(scene, folder, views, user_scene=user_scene, packed_by=packed_by)
+        self._hide_sheets()
+
+    def _hide_sheets(self) -> None:
+        """Hide the portal's sheets that hang on cameras since an earlier frame, where any camera might see them."""
+        for name in self._camera_names.values():
+            if KEPT_OBJECT in bpy.data.objects[name]:
+                with looking_through(self.scene, name):
+                    hide_sheet(self.scene, self.cameras.values())
 
     def standing_at(self, view: str) -> AbstractContextManager[str]:
         """Have Blender render the view of this name whole, as `ManyViewsRenderer.standing_at` says."""
@@ -151,15 +159,16 @@ class SceneViewsRenderer(ManyViewsRenderer):
         return super().fill_blockers(deepest)
 
 
-def _why_unlike(scene: bpy.types.Scene, cameras: Sequence[bpy.types.Object]) -> str | None:
-    """Return why views of these cameras cannot be made from each other, in words; None where they can."""
+def _why_unlike(scene: bpy.types.Scene, cameras: Sequence[str]) -> str | None:
+    """Return why views of the cameras of these names cannot be made from each other, in words; None where they can."""
     lenses = []
     for camera in cameras:
-        with changed(scene, camera=camera):
+        with looking_through(scene, camera):
             lenses.append(lens_of(scene))
     if not all(_same_lens(lens, lenses[0]) for lens in lenses[1:]):
         return "the cameras have other clip distances or another depth of field"
-    shapes = {tuple(getattr(camera.data.dof, name) for name in APERTURE) for camera in cameras}
+    seen = [evaluated(bpy.data.objects[camera], scene).data.dof for camera in cameras]
+    shapes = {tuple(getattr(dof, name) for name in APERTURE) for dof in seen}
     if lenses[0].aperture > 0.0 and len(shapes) > 1:
         return "the apertures of the cameras have other shapes"
     if scene.render.use_motion_blur and not _is_rigid(scene, cameras):
@@ -173,8 +182,9 @@ def _same_lens(one: Lens, other: Lens) -> bool:
     return all(math.isclose(a, b, rel_tol=SAME_LENS) for a, b in pairs)
 
 
-def _is_rigid(scene: bpy.types.Scene, cameras: Sequence[bpy.types.Object]) -> bool:
-    """Return whether cameras keep their places to each other, and their lenses, while the shutter is open."""
+def _is_rigid(scene: bpy.types.Scene, cameras: Sequence[str]) -> bool:
+    """Return whether the cameras of these names keep their places to each other, and their lenses, while the shutter is
+    open."""
     moments = while_open(scene, (0.0, 0.5, 1.0), lambda: [camera_of(scene, camera) for camera in cameras])
     first, *later = (np.array([_seen_from(moment[0], camera) for camera in moment]) for moment in moments)
     # Places are in scene units, all else in shares of 1.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import shutil
 import time
 from collections.abc import Collection, Mapping
@@ -13,6 +14,7 @@ from typing import Any
 
 import bpy
 
+from ...delivery.quilts import Quilt
 from ...errors import StereoReprojectError
 from ...files import made_in
 from ...images.exr import VIEWS, read_eye
@@ -23,7 +25,7 @@ from ...jobs.work_folder import ALL_VIEWS, FILES, VIEWS_FOLDER
 from ...sequence.frames import publish_frame
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output, is_full
-from ...sequence.quilt_frames import QuiltFrames
+from ...sequence.quilt_frames import QUILT_ORDER, QuiltFrames
 from ...sequence.writer_process import WriterJob, WrittenFrame
 from ...words import Words
 from ..scene.compositor import compositor_tree
@@ -142,29 +144,34 @@ class PairPictures:
 
 
 class QuiltPictures:
-    """The files of frames that are many views: their quilt, as a PNG through the scene's compositor and view transform
-    and as an EXR, and what was handed over besides."""
+    """The files of frames that are many views: their quilt, if they have one, as a PNG through the scene's compositor
+    and view transform and as an EXR, and what was handed over besides."""
 
     def __init__(self, scene: bpy.types.Scene, files: QuiltFrames) -> None:
         self._scene, self._files = scene, files
 
     def deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
         """Write a frame's files into its private folder; all else is as for `PairPictures.deliver`."""
-        number, quilt, views = frame.frame, self._files.quilt, folder / VIEWS_FOLDER
-        names = self._files.views
-        composited = composited_files(self._scene, views, names, folder / "composited", frame=number)
-        pictures = ViewFiles(composited, names)
-        made = {}
-        for extension in ("png", "exr"):
-            path = folder / f"quilt.{extension}"
-            write_quilt(self._scene, pictures, quilt.columns, quilt.rows, path, frame=number)
-            made[self._files.picture(number, extension)] = path
-        kept = {name: views / f"{view}.exr" for view, name in self._files.view_files(number).items()}
+        number, views = frame.frame, folder / VIEWS_FOLDER
+        made = {} if self._files.quilt is None else self._quilts(self._files.quilt, number, folder)
+        of_views = {view: views / f"{file}.exr" for view, file in self._files.views.items()}
+        kept = {name: of_views[view] for view, name in self._files.view_files(number).items()}
         all_views = self._files.all_views(number)
         if all_views is not None:
             kept[all_views] = folder / ALL_VIEWS
-            write_multi_view(kept[all_views], {name: views / f"{name}.exr" for name in names})
+            write_multi_view(kept[all_views], of_views)
         return {**made, **kept, self._files.report(number): folder / FILES[-1]}
+
+    def _quilts(self, quilt: Quilt, number: int, folder: Path) -> dict[str, Path]:
+        """Write the quilt of the frame of this number into its private folder. Return the files' paths, as `deliver`
+        does."""
+        views = json.loads((folder / QUILT_ORDER).read_text(encoding="utf-8"))["views"]
+        composited = composited_files(self._scene, folder / VIEWS_FOLDER, views, folder / "composited", frame=number)
+        made = {}
+        for name in self._files.quilts(number):
+            made[name] = path = folder / f"quilt{Path(name).suffix}"
+            write_quilt(self._scene, ViewFiles(composited, views), quilt.columns, quilt.rows, path, frame=number)
+        return made
 
 
 def strip(scene: bpy.types.Scene) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,6 +20,7 @@ from .setting_up import DRIVEN_SEED, apply_overrides, set_up
 from .vr_cameras import check_vr, copy_of_camera
 
 Block = TypeVar("Block", bound=bpy.types.ID)
+Made = TypeVar("Made")
 
 KEPT_OBJECT = "stereo_reproject_kept_object"
 """Property of a working camera that names an object of ours in its scene: it is removed together with the scene, since
@@ -128,6 +129,8 @@ class WorkingScenes:
         self._scene = scene
         self._open = ExitStack()
         self._kept: tuple[tuple[object, ...], str] | None = None
+        self._beside: list[Any] = []
+        """That which `beside` has made for the scene that is kept, if anything."""
 
     def __enter__(self) -> WorkingScenes:
         return self
@@ -138,7 +141,16 @@ class WorkingScenes:
     def close(self) -> None:
         """Remove the scene that is kept; a later frame gets a new one."""
         self._kept = None
+        self._beside.clear()
         self._open.close()
+
+    def beside(self, make: Callable[[bpy.types.Scene], AbstractContextManager[Made]]) -> Made:
+        """Return what `make` has for the scene that is kept. It is asked once, and what it has stays as long as that
+        scene: Cycles syncs everything again where an object comes or goes."""
+        if not self._beside:
+            assert self._kept is not None
+            self._beside.append(self._open.enter_context(make(bpy.data.scenes[self._kept[1]])))
+        return self._beside[0]
 
     def at(self, overrides: SceneOverrides, layer: str) -> bpy.types.Scene:
         """Return a working scene for this view layer, which stands at the frame of the overrides. The rest of the
@@ -226,6 +238,12 @@ def return_to_own_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.
     own = _standing(scene)
     if own != (frame, subframe):
         stand_at(scene, *own)
+
+
+def evaluate_anew(scene: bpy.types.Scene) -> None:
+    """Evaluate a scene again where it stands: of a datablock that is new in it, curves and drivers count from then on,
+    and before, the values that it was copied with."""
+    stand_at(scene, *_standing(scene))
 
 
 def stand_at(scene: bpy.types.Scene, frame: int, subframe: float) -> None:

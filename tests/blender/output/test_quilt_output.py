@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.commands.animation_movie import make_movie
+from stereo_reproject.blender.commands.frame_kinds import Quilts
 from stereo_reproject.blender.output.quilt_files import display_pixels
 from stereo_reproject.blender.output.quilt_output import quilt_output_of
 from stereo_reproject.errors import BadInputError, StereoReprojectError
@@ -15,6 +16,7 @@ from stereo_reproject.images.png import write_png
 from stereo_reproject.sequence.journal import Journal
 from stereo_reproject.sequence.progress import Listener
 from stereo_reproject.settings.animation import AnimationSettings
+from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.settings.views import ViewsSettings, views_settings
 from tests.blender.toolbox import add_camera, empty_scene
 from tests.delivery.movies import described
@@ -39,7 +41,7 @@ def scene():
 def output_in(scene, folder, *, views=VIEWS, size=None, **options):
     asked = AnimationSettings(**{"frames": (1, 2), "output": str(folder), **options})
     with display_pixels(scene, views.aspect, size):
-        return quilt_output_of(scene, asked, views, size)
+        return quilt_output_of(scene, asked, views, size, {name: name for name in views.names})
 
 
 def quilt(number):
@@ -120,7 +122,7 @@ def test_quilts_are_named_before_they_are_rendered(scene, tmp_path, views, size,
 
 def test_without_frames_it_is_those_of_the_scene(scene, tmp_path):
     scene.frame_start, scene.frame_end, scene.frame_step = 3, 7, 2
-    options, output = output_in(scene, tmp_path, frames=None)
+    options, output = Quilts(StereoSettings(), VIEWS).output(scene, AnimationSettings(output=str(tmp_path)))
     assert options.frames == tuple(output.files) == (3, 5, 7)
 
 
@@ -136,6 +138,8 @@ def test_what_decides_a_frame_is_in_its_values_and_the_displays_name_is_not(scen
 def test_what_cannot_be_written_is_said_before_the_first_frame(scene, tmp_path):
     with pytest.raises(BadInputError, match="name the quilt's columns and rows"):
         output_in(scene, tmp_path, views=ViewsSettings(6, 10.0))
+    with pytest.raises(BadInputError, match="a movie of many views shows their quilts"):
+        output_in(scene, tmp_path, views=ViewsSettings(6, 10.0, layout="multi-view"), movie="")
     with pytest.raises(BadInputError, match="must end in one of"):
         output_in(scene, tmp_path, movie="film.txt")
     (tmp_path / "quilt_0002_qs3x2a1.65.png").mkdir()
