@@ -29,19 +29,13 @@ from ..sequence.report import format_animation
 from ..sequence.supervisor import run_animation
 from ..settings.frame import StereoSettings
 from ..tradeoff.cases import TRADEOFF_FILES, format_price_table
-from .arguments import (
-    add_animate_arguments,
-    add_inspect_arguments,
-    add_render_arguments,
-    add_tradeoff_arguments,
-    add_views_arguments,
-    animation_of,
-    check_frames_of_views,
-    overrides_of,
-    settings_of,
-    views_of,
-)
+from .animate_options import add_animate_arguments
 from .converters import OneLineParser
+from .inspect_options import add_inspect_arguments
+from .render_options import add_render_arguments
+from .shared_options import animation_of, overrides_of, settings_of
+from .tradeoff_options import add_tradeoff_arguments
+from .views_options import add_views_arguments, check_frames_of_views, views_of
 
 INTERRUPTED_STATUS = 130
 # As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).

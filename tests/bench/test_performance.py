@@ -158,8 +158,8 @@ def test_what_is_compared_has_its_peer_next_to_it(room):
 
 
 def test_the_options_are_those_of_the_command_line(room):
-    from stereo_reproject.programs.arguments import settings_of
     from stereo_reproject.programs.cli import _parser
+    from stereo_reproject.programs.shared_options import settings_of
 
     case = next(case for case in planned(room) if case.part == PATH and case.run.method == "card")
     arguments = _parser("test").parse_args(["render", str(room.blend), "--output", "out", *case.run.options()])

@@ -15,7 +15,8 @@ import tempfile
 from pathlib import Path
 
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.programs.arguments import add_render_arguments, overrides_of
+from stereo_reproject.programs.render_options import add_render_arguments
+from stereo_reproject.programs.shared_options import overrides_of
 from stereo_reproject.settings.frame import EYES
 
 
