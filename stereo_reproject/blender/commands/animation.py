@@ -45,7 +45,7 @@ from .animation_plan import (
     settings_digest,
 )
 from .frame_kinds import FrameKind, Pairs
-from .frame_maker import FrameContext
+from .frame_maker import FrameContext, MakerJob
 
 ANIMATION_FILES = ("left.exr", "right.exr")
 """Files of the last frame's eyes, which an animation leaves besides its own where that is asked for."""
@@ -187,7 +187,7 @@ def _render_planned(
     """
     context = run.context
     progress = AnimationProgress(plan, len(run.output.files), run.listener, failed)
-    maker = run.kind.maker(run.scene, order, context, work, run.listener, keeps_last=keeps_last)
+    maker = run.kind.maker(MakerJob(run.scene, order, context, work, run.listener, keeps_last))
     with closing(maker):
         try:
             render_frames(plan, context.journal, context.wanted, context.token, maker, progress.frame_listener)

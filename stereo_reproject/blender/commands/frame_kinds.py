@@ -22,7 +22,7 @@ from ..output.quilt_files import display_pixels
 from ..output.quilt_output import QuiltOutput, quilt_output_of
 from ..scene.panoramas import is_panorama
 from ..scene.rendered import camera_at, scene_frames
-from .frame_maker import BlenderFrameMaker
+from .frame_maker import BlenderFrameMaker, MakerJob
 from .pair_maker import PairMaker
 from .view_rigs import files_of_views
 from .views_frame_maker import ViewsFrameMaker
@@ -57,8 +57,8 @@ class FrameKind(Protocol):
         ...
 
     @property
-    def maker(self) -> Callable[..., BlenderFrameMaker]:
-        """The function or class that returns the frames' maker, with the parameters of `BlenderFrameMaker`."""
+    def maker(self) -> Callable[[MakerJob], BlenderFrameMaker]:
+        """The function or class that returns the maker of the frames for a job."""
         ...
 
 
@@ -94,7 +94,7 @@ class Pairs:
         return {"panorama": self.settings.scene.panorama}
 
     @property
-    def maker(self) -> Callable[..., BlenderFrameMaker]:
+    def maker(self) -> Callable[[MakerJob], BlenderFrameMaker]:
         """The class that makes pairs; see `FrameKind`."""
         return PairMaker
 
@@ -133,6 +133,6 @@ class Quilts:
         return {"quilt": output.frames}
 
     @property
-    def maker(self) -> Callable[..., BlenderFrameMaker]:
+    def maker(self) -> Callable[[MakerJob], BlenderFrameMaker]:
         """The class that makes many views, by their settings; see `FrameKind`."""
         return partial(ViewsFrameMaker, views=self.views)

@@ -120,31 +120,35 @@ class AgreedFindings(SharedFindings):
             raise failed_output(self._journal.frames_folder, error) from error
 
 
+@dataclass(frozen=True)
+class MakerJob:
+    """The job of a maker of frames: the user's scene; the order, which says how frames are written; the context; and a
+    private folder for what passes between the stages of a frame. The listener is told each stage with its frame, and
+    its onlooker is shown the pictures as they are made. keeps_last: True where files of the last frame are asked for in
+    the end."""
+
+    scene: bpy.types.Scene
+    order: WriterJob
+    context: FrameContext
+    work: Path
+    listener: Listener
+    keeps_last: bool
+
+
 class BlenderFrameMaker(ABC):
     """Maker of an animation's frames: renders them with one working scene that stays, and hands them to the writer
     process. It is a `frames.FrameMaker`; use `close` in the end. Subclasses say what is rendered of a frame.
     """
 
-    def __init__(
-        self,
-        scene: bpy.types.Scene,
-        order: WriterJob,
-        context: FrameContext,
-        work: Path,
-        listener: Listener,
-        *,
-        keeps_last: bool,
-    ) -> None:
-        """order says how frames are written; work is a private folder for what passes between the stages of a frame.
-        The listener is told each stage with its frame, and its onlooker is shown the pictures as they are made.
-        keeps_last: True where files of the last frame are asked for in the end."""
-        self._scene, self._settings, self._options = scene, context.settings, context.options
-        self._context, self._on_stage = context, listener.on_stage
-        self._work, self._private = work, Path(order.private)
-        self._scenes = WorkingScenes(scene)
-        self._writer = WriterProcess(order, module_in_blender("programs.writer"))
+    def __init__(self, job: MakerJob) -> None:
+        self._scene, self._context = job.scene, job.context
+        self._settings, self._options = job.context.settings, job.context.options
+        self._listener, self._on_stage = job.listener, job.listener.on_stage
+        self._work, self._private = job.work, Path(job.order.private)
+        self._keeps_last = job.keeps_last
+        self._scenes = WorkingScenes(job.scene)
+        self._writer = WriterProcess(job.order, module_in_blender("programs.writer"))
         self._writer.start()
-        self._keeps_last, self._listener = keeps_last, listener
         self._last: int | None = None
         """Number of the last frame that was rendered; None before the first."""
 

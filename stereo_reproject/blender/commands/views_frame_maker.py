@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ...files import write_json
@@ -14,12 +13,10 @@ from ...jobs.work_folder import FILES, VIEWS_FOLDER
 from ...pipeline.stages import RENDERING
 from ...report.as_json import as_json
 from ...report.views_report import RENDERED, ViewsReport
-from ...sequence.progress import Listener
 from ...sequence.quilt_frames import QUILT_ORDER
-from ...sequence.writer_process import WriterJob
 from ...settings.views import ViewsSettings
 from ..output.view_files import runs_compositor
-from .frame_maker import BlenderFrameMaker, FrameContext
+from .frame_maker import BlenderFrameMaker, MakerJob
 from .views import SharedFrame, render_views_of_frame
 from .views_pictures import ViewPlaces
 
@@ -28,23 +25,12 @@ KEYS_OF_A_FRAME = ("size", "samples", "accuracy", "seconds", "memory")
 
 
 class ViewsFrameMaker(BlenderFrameMaker):
-    """Maker of frames that are many views; `views` are their settings. The other parameters are those of
-    `BlenderFrameMaker`, with an order that has their files."""
+    """Maker of frames that are many views; `views` are their settings, and the job's order has their files."""
 
-    def __init__(
-        self,
-        scene: bpy.types.Scene,
-        order: WriterJob,
-        context: FrameContext,
-        work: Path,
-        listener: Listener,
-        *,
-        keeps_last: bool,
-        views: ViewsSettings,
-    ) -> None:
-        super().__init__(scene, order, context, work, listener, keeps_last=keeps_last)
-        assert order.quilt is not None
-        self._views, self._files = views, order.quilt
+    def __init__(self, job: MakerJob, views: ViewsSettings) -> None:
+        super().__init__(job)
+        assert job.order.quilt is not None
+        self._views, self._files = views, job.order.quilt
 
     def _made(self, frame: int, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
         """Render the views of a frame, as `BlenderFrameMaker` says. Its own report goes into the folder too."""
