@@ -19,7 +19,7 @@ from ..images.seen_light import scaled_light
 from ..trace.fill import FillChoice
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
 from .effect_costs import EffectCost, effect_costs
-from .next_accuracy import FinishedTarget, NextAccuracy, cost_of
+from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of
 from .source import Source
 from .stages import OUTSIDE_TOTAL
 from .stereo_frame import StereoFrame
@@ -82,7 +82,8 @@ def finished_frame(task: FrameTask, warped: WarpedSource, done: Completed, finis
     """Return the finished frame, with the account of what each effect cost, which is not in the total seconds. warped
     is the target as it came out of the warp."""
     [source], target = done.sources, done.target
-    reprojection, account = done.warped.reprojection, _account_of(task, warped, done, finished.passes)
+    reprojection, better = done.warped.reprojection, warped.better
+    account = account_of(task, done, finished.passes, better=better, better_holes=warped.better_holes)
     names = task.source.name, task.target.name
     task.watch.lap()
     return StereoFrame(
@@ -117,7 +118,7 @@ def _as_blender_has_them(task: FrameTask, source: Source, finished: FinishedPass
 
 
 @dataclass(frozen=True)
-class _Account:
+class Account:
     """The account of a finished frame: its seconds so far, the target's `Reason` flags (H, W), the cost of each effect,
     and that of the next better accuracy."""
 
@@ -127,8 +128,19 @@ class _Account:
     next_accuracy: NextAccuracy
 
 
-def _account_of(task: FrameTask, warped: WarpedSource, done: Completed, finished: Passes) -> _Account:
-    """Return the account of a frame whose target has these finished passes."""
+def account_of(
+    task: FrameTask,
+    done: Completed,
+    finished: Passes,
+    *,
+    better: str = WHOLE,
+    better_holes: NDArray[np.bool_] | None = None,
+) -> Account:
+    """Return the account of a frame whose target has these finished passes.
+
+    better is the name of the next better accuracy, and better_holes (H, W) are the holes that it would have, None where
+    that is a full render.
+    """
     refinement, target = done.refinement, done.target
     total = sum(seconds for stage, seconds in task.watch.seconds.items() if stage not in OUTSIDE_TOTAL)
     seconds = {**task.watch.seconds, "total": total}
@@ -138,8 +150,8 @@ def _account_of(task: FrameTask, warped: WarpedSource, done: Completed, finished
     evidence = None if refinement.whole else refinement.evidence
     spent = effect_costs(task.renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
     whole, probed = bool(target.traced.all()), done.warped.needs_probes
-    completed = FinishedTarget(warped.better_holes, planner, done.fill, refinement, probed, is_whole=whole)
-    return _Account(total, reasons, spent, cost_of(warped.better, completed, seconds))
+    completed = FinishedTarget(better_holes, planner, done.fill, refinement, probed, is_whole=whole)
+    return Account(total, reasons, spent, cost_of(better, completed, seconds))
 
 
 def all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:

@@ -11,7 +11,7 @@ from ..trace.fill import check_fill
 from .finishing import Completed, composited, denoised, finished_frame
 from .renderer import Renderer
 from .shared_findings import SharedFindings
-from .source import render_source
+from .source import Source, render_source
 from .stages import Stage
 from .stereo_frame import StereoFrame
 from .stopwatch import Stopwatch
@@ -27,6 +27,7 @@ def render_stereo_frame(
     findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
     known_costs: Callable[[], TraceCosts] = TraceCosts,
+    on_source: Callable[[Source], None] | None = None,
 ) -> StereoFrame:
     """Render the stereo pair of the renderer's scene and frame, and return it.
 
@@ -36,14 +37,16 @@ def render_stereo_frame(
     finished; look and account are not in the total. Stages that it has seen before, such as the renderer's plan, are in
     the seconds and the total too. Its onlooker is shown the eyes as they are made, which changes none of their pixels.
     known_costs returns the costs of tracing as far as they are known, by default the assumed ones; it is asked once the
-    source is rendered and warped. Raises BadInputError when the settings cannot be met for this scene, and
-    StereoReprojectError when a render fails.
+    source is rendered and warped. on_source is handed the source, of which other frames can be made. Raises
+    BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch()
     task = FrameTask.of_pair(renderer, settings, findings or SharedFindings(), known_costs, watch)
     check_fill(settings.fill, renderer.fill_blockers())
 
     source = render_source(task, accuracy or accuracy_of(settings))
+    if on_source is not None:
+        on_source(source)
 
     watch.lap(Stage.WARP)
     warped = warp_source(task, source)

@@ -67,6 +67,11 @@ class Renderer(Tracer, Protocol):
         """
         ...
 
+    def expect_probes(self, *, probed: bool) -> None:
+        """Have the renders that follow have what only probes are read by, if they are `probed`, where no source of this
+        renderer's own goes before them."""
+        ...
+
     def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:
         """Return by fill method the reason, in words, why it cannot be used for this scene, or None where it can.
 

@@ -22,6 +22,22 @@ from .next_accuracy import NextAccuracy
 
 
 @dataclass(frozen=True)
+class ReusedEye:
+    """The first eye of a pair where it was made from a key frame, as its second eye was.
+
+    key_frame is the number of that frame. reasons (H, W) are the eye's `Reason` flags, traced (H, W) its pixels that
+    were traced, and variance_share (H, W) the variance of each of its pixels, as a share of that of a plain render's.
+    refinement is the tracing that its probes asked for.
+    """
+
+    key_frame: int
+    reasons: NDArray[np.uint16]
+    traced: NDArray[np.bool_]
+    variance_share: NDArray[np.float32]
+    refinement: Refinement
+
+
+@dataclass(frozen=True)
 class StereoFrame:
     """A finished pair of one view layer, and how it came about.
 
@@ -37,7 +53,7 @@ class StereoFrame:
     'gpu'; gpu is its name, None for NumPy.
     light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
     pixel_weight is that of the target's pixels (`views/solid_angle`). camera is the target's, None where it is not
-    known.
+    known. reused is the first eye where it was made from an earlier frame, None where it was rendered.
     """
 
     eyes: dict[str, Passes]
@@ -61,6 +77,7 @@ class StereoFrame:
     light_scale: float = 1.0
     pixel_weight: PixelWeight = 1.0
     camera: Camera | None = None
+    reused: ReusedEye | None = None
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..delivery.layouts import LAYOUTS
-from ..settings.animation import read_every
+from ..settings.animation import AUTO_REUSE, read_every, read_reuse
 from .converters import read_by
 from .shared_options import add_frames, add_movie, add_output, add_pair, add_quiet, add_scene
 
@@ -23,6 +23,13 @@ def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
         dest="every",
         type=read_by(read_every),
         help="also render each N-th frame, from the scene's first on, with Blender's multiview, and measure against it",
+    )
+    parser.add_argument(
+        "--reuse",
+        metavar="K|auto|off",
+        type=read_by(read_reuse),
+        help="render an eye of each K-th frame alone, and make the frames after it from that one, tracing what has "
+        f"changed; auto is {AUTO_REUSE}; off, the default, renders an eye of each frame",
     )
     add_quiet(parser)
     parser.set_defaults(compare=False, view_files=False)

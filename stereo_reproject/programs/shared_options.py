@@ -78,6 +78,7 @@ def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettin
         movie=arguments.movie,
         holes=arguments.holes,
         compare_every=arguments.every,
+        reuse=arguments.reuse,
         views=arguments.view_files,
     )
 

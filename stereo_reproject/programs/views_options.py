@@ -113,6 +113,7 @@ def add_views_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
     # What is said of pairs alone.
     parser.set_defaults(
+        reuse=None,
         interocular=None,
         convergence=None,
         mode=None,

@@ -208,6 +208,21 @@ class CompareReport:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ReuseReport:
+    """What a pair was made from, in an animation whose frames may be made from key frames.
+
+    key_frame is the number of the frame that both eyes were made from; None for a frame of which one eye was rendered
+    whole, and whole then says why. first_eye_traced is the share of the first eye's pixels that was traced, and
+    first_eye the estimate of its error, None where it was rendered.
+    """
+
+    key_frame: int | None
+    whole: str | None
+    first_eye_traced: float
+    first_eye: EstimateReport | NoEstimateReport | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrameReport(ReportHeader):
     """The report of a pair. `seconds` are those of all view layers together, by stage; all else is of the main view
     layer.
@@ -215,7 +230,7 @@ class FrameReport(ReportHeader):
     fractions are shares of the target's pixels by the reason why they were traced; its "rerendered" is the share of all
     traced ones. price is the predicted cost of the next better accuracy. Absent keys: time_limit (seconds) and
     samples_rendered without a time limit in the scene, layers with a single view layer, compare unless it was asked
-    for. samples_rendered is None where it is not known.
+    for, reuse but in an animation that was asked for it. samples_rendered is None where it is not known.
     """
 
     fill: FillReport
@@ -236,3 +251,4 @@ class FrameReport(ReportHeader):
     memory: MemoryReport
     layers: tuple[LayerReport, ...] | Absent = ABSENT
     compare: CompareReport | Absent = ABSENT
+    reuse: ReuseReport | Absent = ABSENT

@@ -10,7 +10,7 @@ import numpy as np
 from ..images.effects import EffectsPlan
 from ..pipeline.stereo_frame import StereoFrame, traced_fractions
 from ..pipeline.stereo_pair import StereoPair
-from ..settings.accuracy import accuracy_of
+from ..settings.accuracy import Accuracy, accuracy_of
 from ..settings.frame import StereoSettings
 from .as_json import ABSENT, Absent
 from .estimates import effect_reports, estimate_report
@@ -22,6 +22,7 @@ from .frame_report import (
     MemoryReport,
     ParallaxReport,
     RefineReport,
+    ReuseReport,
     WarpReport,
 )
 from .header import ReportHeader
@@ -30,7 +31,9 @@ from .header import ReportHeader
 @dataclass(frozen=True, kw_only=True)
 class LayerFacts:
     """The facts about one view layer that its renderer knows and the report needs. time_limit and samples_rendered are
-    as in `FrameReport`; parallax is None where no point is seen. packed_by is the camera of packed renders."""
+    as in `FrameReport`; parallax is None where no point is seen. packed_by is the camera of packed renders. why_whole
+    says in words why the frame was not made from a key frame, None where it was; absent where that was not asked for.
+    """
 
     header: ReportHeader
     packed_by: str
@@ -39,6 +42,7 @@ class LayerFacts:
     warnings: tuple[str, ...]
     time_limit: float | Absent = ABSENT
     samples_rendered: int | Absent | None = ABSENT
+    why_whole: str | Absent | None = ABSENT
 
 
 def pair_report(
@@ -73,6 +77,22 @@ def pair_report(
         predicted_speedup=pair.predicted_speedup,
         memory=memory,
         layers=layer_reports(pair) if len(pair.frames) > 1 else ABSENT,
+        reuse=_reuse_report(frame, main.why_whole, accuracy_of(settings)),
+    )
+
+
+def _reuse_report(frame: StereoFrame, why_whole: str | Absent | None, accuracy: Accuracy) -> ReuseReport | Absent:
+    """Return what is reported of a frame's reuse of a key frame; absent where none was asked for."""
+    if isinstance(why_whole, Absent):
+        return ABSENT
+    reused = frame.reused
+    if reused is None:
+        return ReuseReport(key_frame=None, whole=why_whole, first_eye_traced=1.0, first_eye=None)
+    return ReuseReport(
+        key_frame=reused.key_frame,
+        whole=None,
+        first_eye_traced=float(np.mean(reused.traced)),
+        first_eye=estimate_report(reused.refinement, accuracy),
     )
 
 

@@ -113,7 +113,7 @@ _RULES: dict[str, Callable[[Any], bool]] = {
     "accuracy": lambda value: value in (*ACCURACIES, CUSTOM),
     "compare": _is_comparison,
     "warnings": _are_texts,
-    **dict.fromkeys(("fill", "warp", "estimate", "correction", "memory"), _is_group),
+    **dict.fromkeys(("fill", "warp", "estimate", "correction", "memory", "reuse"), _is_group),
     "layers": _is_list,
 }
 """Test that a figure must pass; figures without one are accepted where they are plain."""

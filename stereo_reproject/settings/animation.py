@@ -18,6 +18,12 @@ all that are there at all, as Blender does without Overwrite."""
 
 MAX_FRAMES = 1 << 20
 
+MAX_REUSE = 1000
+"""Most frames that one key frame serves."""
+
+AUTO_REUSE = 8
+"""Frames that one key frame serves where nobody says a number. By hand."""
+
 
 @dataclass(frozen=True)
 class AnimationSettings:
@@ -28,7 +34,9 @@ class AnimationSettings:
     one of Blender's names; None means the scene's own. movie is the path of a movie to be made of all frames; "" names
     it after the frames, None makes none. With holes there is also a picture of the traced pixels for each frame. Each
     compare_every-th frame, counted from the scene's first, is compared with multiview; None compares none. With views,
-    each view of a frame of many views is a file too, besides their quilt.
+    each view of a frame of many views is a file too, besides their quilt. Of so many frames in a row as reuse says, an
+    eye of the first alone is rendered, and the others are made from it where only the camera moves; None renders an eye
+    of each frame.
 
     The rest is for a worker that is started again after a crash: skip are frames that are not tried, with the reason;
     finished are frames that this run has rendered already; goes_on is True if there was such an earlier worker.
@@ -42,6 +50,7 @@ class AnimationSettings:
     movie: str | None = None
     holes: bool = False
     compare_every: int | None = None
+    reuse: int | None = None
     views: bool = False
     skip: Mapping[int, str] = field(default_factory=dict)
     finished: tuple[int, ...] = ()
@@ -69,6 +78,11 @@ class AnimationSettings:
         every = self.compare_every
         if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
             raise BadInputError(Words("compare every={every}: must be a whole number from 1", every=every))
+        reuse = self.reuse
+        if reuse is not None and (isinstance(reuse, bool) or not isinstance(reuse, int) or not 2 <= reuse <= MAX_REUSE):
+            raise BadInputError(
+                Words("reuse must be a whole number from 2 to {most}, not {reuse}", most=MAX_REUSE, reuse=repr(reuse))
+            )
 
 
 def _check_frames(frames: tuple[int, ...]) -> None:
@@ -140,3 +154,18 @@ def read_every(text: str) -> int:
     if match is None:
         raise BadInputError(Words("--compare must be of the form every=6, not {text}", text=repr(text)))
     return int(match[1])
+
+
+def read_reuse(text: str) -> int | None:
+    """Return the number of frames in a text such as 8; `AUTO_REUSE` for auto, None for off. Raises BadInputError."""
+    if text in ("auto", "off"):
+        return AUTO_REUSE if text == "auto" else None
+    if not re.fullmatch(r"\d{1,9}", text) or not 2 <= int(text) <= MAX_REUSE:
+        raise BadInputError(
+            Words(
+                "--reuse must be auto, off, or a whole number from 2 to {most}, not {text}",
+                most=MAX_REUSE,
+                text=repr(text),
+            )
+        )
+    return int(text)

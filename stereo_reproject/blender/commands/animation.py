@@ -130,7 +130,7 @@ def _rendered(
     options, output = kind.output(scene, options)
     journal = Journal(output.folder, output.name)
     check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
-    wanted = Fingerprints(settings_digest(settings, output), scene_prints(scene, settings.scene))
+    wanted = Fingerprints(settings_digest(settings, output, reuse=options.reuse), scene_prints(scene, settings.scene))
     beside, errors = _folder_for(output.folder, saved.work), _errors_of_output(output.folder)
     with beside as private, errors, _run_in(journal, output, wanted, listener) as token:
         context = FrameContext(settings, options, journal, wanted, token, output.half_floats)

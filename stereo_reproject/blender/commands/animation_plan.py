@@ -39,12 +39,13 @@ def announce_planning(scene: bpy.types.Scene, options: AnimationSettings, listen
         listener.note(f"plans {len(frames)} frames, which takes a moment")
 
 
-def settings_digest(settings: StereoSettings, output: Output) -> str:
+def settings_digest(settings: StereoSettings, output: Output, *, reuse: int | None = None) -> str:
     """Return a digest of the settings on which a frame's files depend, the number of the frame and `compare` left
-    out.
+    out. reuse is that of the animation's settings.
     """
     fields = asdict(replace(settings, compare=False, scene=replace(settings.scene, frame=None)))
-    return digest({"settings": fields, "output": output.values})
+    made = {} if reuse is None else {"reuse": reuse}
+    return digest({"settings": fields, "output": output.values, **made})
 
 
 def scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from ...images.ranges import range_warnings
 from ...images.seen_light import scaled_colour
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import CUTOUTS, DIFFERENCE, MULTIVIEW_EYES, pair_files, with_cutouts
-from ...pipeline.frame import render_stereo_frame
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import Stage
@@ -50,7 +49,8 @@ from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
 from ..scene.working import WorkingScenes, evaluated
 from .compare import compare_with_multiview
-from .known_costs import known_costs, learn_costs
+from .key_frames import KeyFrames, Making, whole_frame
+from .known_costs import learn_costs
 
 STEREO_PICTURE = "stereo.png"
 HOLES_PICTURE = "holes.png"
@@ -116,61 +116,66 @@ def _compare(
     return compare
 
 
+@dataclass(frozen=True)
+class InSequence:
+    """What a frame of a sequence shares with its other frames.
+
+    scenes are the working scenes, which go on to the next frame. findings returns, for a view layer's name, what other
+    frames have found. learns: True where this user's costs of tracing are renewed by this frame; not for one whose
+    scene Cycles has synced for an earlier frame. keys are the key frames, None where no frame is made from another.
+    """
+
+    scenes: WorkingScenes
+    findings: Callable[[str], SharedFindings]
+    learns: bool
+    keys: KeyFrames | None = None
+
+
 def render_pair(
     scene: bpy.types.Scene,
     settings: StereoSettings,
     work: Path,
     *,
     onlooker: Onlooker = NOBODY,
-    scenes: WorkingScenes | None = None,
-    findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
-    learns: bool = True,
+    sequence: InSequence | None = None,
 ) -> tuple[StereoPair, FrameReport]:
     """Render the pair of one frame, all its view layers. Return it with its report, which lacks what only writing files
     adds.
 
-    The first parameters are those of `render_files`. scenes are the working scenes of a sequence, which go on to its
-    next frame; without them, new ones are made. findings returns, for a view layer's name, what other frames of the
-    sequence have found. learns: True where this user's costs of tracing are renewed by this frame; not for one whose
-    scene Cycles has synced for an earlier frame. The report tells of the main layer, but its seconds are those of all.
+    The first parameters are those of `render_files`. sequence is what it shares with other frames of one. The report
+    tells of the main layer, but its seconds are those of all.
     """
     frames: dict[str, StereoFrame] = {}
     facts: list[LayerFacts] = []
-    with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
+    alone = WorkingScenes(scene) if sequence is None else nullcontext(sequence.scenes)
+    with alone as open_scenes:
+        together = sequence or InSequence(open_scenes, lambda _: SharedFindings(), learns=True)
         for layer in check_layers(scene):
             watch = Stopwatch(onlooker)
             watch.lap(Stage.PLAN)
+            making = Making(scene, settings, work, watch, together.findings(layer))
+            if together.keys is not None:
+                together.keys.prepare(making, open_scenes, layer)
+                watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer), learns=learns)
+            frames[layer], found = _render_layer(working, making, together)
             facts.append(found)
     pair = StereoPair(frames)
     give_back_freed()
     return pair, pair_report(pair, facts, settings, memory_report())
 
 
-def _render_layer(
-    scene: bpy.types.Scene,
-    working: bpy.types.Scene,
-    settings: StereoSettings,
-    work: Path,
-    watch: Stopwatch,
-    findings: SharedFindings,
-    *,
-    learns: bool,
-) -> tuple[StereoFrame, LayerFacts]:
+def _render_layer(working: bpy.types.Scene, making: Making, sequence: InSequence) -> tuple[StereoFrame, LayerFacts]:
     """Render the pair of one view layer. Return the frame, and what the report tells of this layer. working is the copy
-    of `scene` that is rendered; findings are those of a sequence for this layer; learns is as for `render_pair`.
+    of the user's scene that is rendered.
     """
+    scene, settings = making.scene, making.settings
     header = report_header(scene, working, settings)
-    with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
-        frame = render_stereo_frame(
-            renderer,
-            settings,
-            watch=watch,
-            findings=findings,
-            known_costs=lambda: known_costs(working, renderer.packed_by),
+    with renderer_of(working, making.work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
+        frame, why_whole = (
+            whole_frame(renderer, making) if sequence.keys is None else sequence.keys.frame(renderer, making)
         )
-        if learns:
+        if sequence.learns and frame.reused is None:
             learn_costs(working, renderer.packed_by, frame.source_cost, renderer.trace_renders)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
@@ -181,6 +186,7 @@ def _render_layer(
             packed_by=renderer.packed.name,
             time_limit=renderer.scene.cycles.time_limit if limited else ABSENT,
             samples_rendered=renderer.samples_rendered if limited else ABSENT,
+            why_whole=ABSENT if sequence.keys is None else why_whole,
         )
     return frame, facts
 

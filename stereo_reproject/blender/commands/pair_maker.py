@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,9 @@ from ..output.cutout_sheet import write_cutouts
 from ..output.pictures import write_hole_mask
 from ..output.stamp import with_render_time
 from .compare import compare_with_multiview
-from .frame import render_pair, value_warnings
+from .frame import InSequence, render_pair, value_warnings
 from .frame_maker import BlenderFrameMaker
+from .key_frames import KeyFrames
 
 KEYS_OF_A_FRAME = (
     "size",
@@ -38,6 +40,7 @@ KEYS_OF_A_FRAME = (
     "estimate",
     "correction",
     "layers",
+    "reuse",
     "memory",
 )
 """Keys of a pair's report that the report of an animation has for each frame."""
@@ -49,6 +52,12 @@ class PairMaker(BlenderFrameMaker):
     _last_pair: StereoPair | None = None
     """Pair of the last frame, where it is kept."""
 
+    @cached_property
+    def _keys(self) -> KeyFrames | None:
+        """The key frames of the animation; None where no frame is made from another."""
+        distance = self._options.reuse
+        return None if distance is None else KeyFrames(self._scene, distance)
+
     def _made(self, frame: int, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
         """Render the pair of a frame, as `BlenderFrameMaker` says."""
         start = time.perf_counter()
@@ -58,9 +67,7 @@ class PairMaker(BlenderFrameMaker):
             settings,
             self._work,
             onlooker=self._onlooker_at(frame),
-            scenes=self._scenes,
-            findings=self._findings_at(frame),
-            learns=self._last is None,
+            sequence=InSequence(self._scenes, self._findings_at(frame), self._last is None, self._keys),
         )
         figures = self._figures(pair, report)
         self._hand_out(folder, pair)

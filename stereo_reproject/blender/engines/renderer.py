@@ -181,6 +181,10 @@ class BlenderRenderer:
         own = effects_passes(self.scene, self.plan, passes, rendered.attributes)
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
 
+    def expect_probes(self, *, probed: bool) -> None:
+        """Have the renders that follow have what only probes are read by, as `pipeline.renderer.Renderer` says."""
+        self._rays.tell_light_apart(self.scene, probed=probed)
+
     @property
     def traced_scene(self) -> bpy.types.Scene:
         """The scene in which Cycles traces pixels: the working scene itself."""

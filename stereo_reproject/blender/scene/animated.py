@@ -20,7 +20,7 @@ def animated_values(block: bpy.types.ID) -> dict[Place, set[int]]:
     """
     found: dict[Place, set[int]] = {}
     animation = getattr(block, "animation_data", None)
-    for curve in _curves(animation) if animation is not None else ():
+    for curve in curves_of(block):
         place = _place(block, curve.data_path)
         if place is not None:
             found.setdefault(place, set()).add(curve.array_index)
@@ -43,10 +43,13 @@ def _place(block: bpy.types.ID, path: str) -> Place | None:
     return None if last is None or owner is None else (owner.as_pointer(), last[1])
 
 
-def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
-    """Yield the curves and drivers that are in use. Muted ones are left out: they leave a value as the user has set
-    it.
+def curves_of(block: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
+    """Yield the curves and drivers of a datablock that are in use. Muted ones are left out: they leave a value as the
+    user has set it.
     """
+    animation = getattr(block, "animation_data", None)
+    if animation is None:
+        return
     curves = [*animation.drivers, *_of_slot(animation.action, animation.action_slot_handle)]
     if animation.use_nla:
         for strip in _strips(animation.nla_tracks):
