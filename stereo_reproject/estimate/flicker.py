@@ -38,6 +38,13 @@ def flicker_ratio(pictures: Neighbours) -> float | None:
 
     The neighbour's pictures are looked up by one map. What a lookup between pixels blurs counts in both changes.
     """
+    found = changes(pictures)
+    return None if found is None or found[1] <= 0.0 else float(np.sqrt(found[0] / found[1]))
+
+
+def changes(pictures: Neighbours) -> tuple[float, float] | None:
+    """Return the mean squares of the changes that `flicker_ratio` compares: ours, and that between the plain pictures;
+    None where the two views show nothing alike."""
     passes = {COLOUR_PASS: pictures.plain[1], DEPTH_PASS: pictures.depth[..., None]}
     seen = reproject([RenderedView(pictures.neighbour, passes)], pictures.view, FINEST)
     same = (seen.reasons == 0) & seen.warp.covered
@@ -46,7 +53,6 @@ def flicker_ratio(pictures: Neighbours) -> float | None:
 
     def change(view: NDArray[np.float32], neighbour: NDArray[np.float32]) -> float:
         moved = lookup(neighbour, seen.warp.x, seen.warp.y, interpolation="cubic")
-        return float(np.sqrt(np.mean(squared_error(view, moved)[same])))
+        return float(np.mean(squared_error(view, moved)[same]))
 
-    ours, plain = change(*pictures.ours), change(*pictures.plain)
-    return ours / plain if plain > 0.0 else None
+    return change(*pictures.ours), change(*pictures.plain)

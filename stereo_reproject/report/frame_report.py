@@ -182,18 +182,15 @@ class CutoutReport:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareReport:
-    """The pair compared with Blender's multiview, rendered in the same run.
+class EyeErrors:
+    """Errors of one eye against Blender's multiview, rendered in the same run.
 
-    rmse and flip are the target's errors against multiview's eye, as a root mean square after tone mapping and by FLIP;
-    noise_rmse and noise_flip are those of that eye rendered with another seed, and flip_ratio is flip over noise_flip.
-    noise_ratio, bias, honest_ratio, worst_tiles, wrong_tiles and flip_ratio are None where there is no noise, and
-    no_noise then says why. FLIP is None where it is not installed. cutouts is absent but for panoramas.
+    rmse and flip are those against multiview's eye, as a root mean square after tone mapping and by FLIP; noise_flip is
+    that of multiview's eye rendered with another seed, and flip_ratio is flip over noise_flip. noise_ratio, bias,
+    honest_ratio, worst_tiles, wrong_tiles and flip_ratio are None where there is no noise, and no_noise then says why.
+    FLIP is None where it is not installed.
     """
 
-    multiview_seconds: float
-    speedup: float
-    noise_rmse: float
     rmse: float
     noise_ratio: float | None
     bias: float | None
@@ -204,7 +201,21 @@ class CompareReport:
     flip: float | None
     noise_flip: float | None
     flip_ratio: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareReport(EyeErrors):
+    """The pair compared with Blender's multiview, rendered in the same run; the errors are the target's.
+
+    noise_rmse is that of multiview's eye rendered with another seed. cutouts is absent but for panoramas. first_eye has
+    the errors of the other eye where that was made too; absent where it was rendered.
+    """
+
+    multiview_seconds: float
+    speedup: float
+    noise_rmse: float
     cutouts: tuple[CutoutReport, ...] | Absent = ABSENT
+    first_eye: EyeErrors | Absent = ABSENT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -47,6 +47,7 @@ def write_animation_report(
         "frames": rows,
         "failed": {str(frame): why for frame, why in failed.items()},
         "totals": totals(rows),
+        "compare": comparison(rows),
         "warnings": list(dict.fromkeys([*warnings, *odd, *(line for row in rows for line in row["warnings"])])),
     }
     path = report_path(journal)
@@ -99,6 +100,37 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "speedup_from": "measured" if compared else "predicted",
         "compared": len(compared),
         "multiview_synced": "anew" if any(row["compare"].get("synced_anew") for row in compared) else None,
+    }
+
+
+def comparison(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Return how the compared frames among a report's rows compare with multiview; None where none was compared.
+
+    speedup is that of the totals. honest_ratio and flip_ratio are those of the worst eye of all compared frames, None
+    where nothing tells them. flicker is the mean square of the change of surfaces from frame to frame over that of
+    plain renders, of the eye in which it is greater: None but between compared frames, one after the other, of which
+    some may be made from others.
+    """
+    compared = [row["compare"] for row in rows if row.get("compare")]
+    if not compared:
+        return None
+    eyes = [eye for each in compared for eye in (each, each.get("first_eye") or {})]
+
+    def worst(name: str) -> float | None:
+        return max((eye[name] for eye in eyes if eye.get(name) is not None), default=None)
+
+    changes: dict[str, list[float]] = {}
+    for each in compared:
+        for eye, (ours, plain) in (each.get("flicker") or {}).items():
+            total = changes.setdefault(eye, [0.0, 0.0])
+            total[:] = total[0] + ours, total[1] + plain
+    flicker = max((ours / plain for ours, plain in changes.values() if plain > 0.0), default=None)
+    return {
+        "frames": len(compared),
+        "speedup": totals(rows)["speedup"],
+        "honest_ratio": worst("honest_ratio"),
+        "flip_ratio": worst("flip_ratio"),
+        "flicker": flicker,
     }
 
 
@@ -160,6 +192,11 @@ def format_animation(report: Mapping[str, Any]) -> str:
     ]
     if views is not None:
         lines += _lines_of_views(report["frames"])
+    compare = report.get("compare") or {}
+    for name, label in (("honest_ratio", "honest ratio "), ("flicker", "flicker      ")):
+        if compare.get(name) is not None and views is None:
+            over = ", of plain renders'" if name == "flicker" else ", of the worst eye compared"
+            lines.append(f"{label} {compare[name]:.3f}{over}")
     if known:
         lines.append(f"noise ratio   {max(known):.3f} in the worst of {whole['compared']} compared frames")
     return "\n".join(lines)

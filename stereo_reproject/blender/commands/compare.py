@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -24,9 +25,10 @@ from ...images.seen_light import MIDDLE_GREY, display_scale, scaled_colour
 from ...pipeline.stereo_frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import ABSENT, Absent
-from ...report.frame_report import CompareReport
+from ...report.frame_report import CompareReport, EyeErrors
 from ...settings.frame import StereoSettings
 from ...views.solid_angle import PixelWeight, pixel_weights
+from ...views.view import View
 from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
 from ..engines.renderer import shifted_seed
@@ -50,7 +52,8 @@ class MultiviewReference:
     """A render by Blender's multiview: the engine, the seconds for both eyes, the target eye (H, W, 4), and that eye
     once more with another seed. Pictures are scene-linear. light_scale is the number by which light is multiplied to be
     judged as it is seen. eyes are both eyes by view and view layer, if they were asked for. pixel_weight is that of the
-    target's pixels (`views/solid_angle`), by which each counts in all measures.
+    target's pixels (`views/solid_angle`), by which each counts in all measures. view is the target's; first is the same
+    of the other eye, if it was asked for.
     """
 
     engine: str
@@ -60,6 +63,8 @@ class MultiviewReference:
     light_scale: float
     eyes: Eyes = field(default_factory=dict)
     pixel_weight: PixelWeight = 1.0
+    view: View | None = None
+    first: MultiviewReference | None = None
 
     @property
     def noise_rmse(self) -> float:
@@ -100,12 +105,14 @@ def render_reference(
     layers: Sequence[str] | None = None,
     light_scale: float | None = None,
     keeps_eyes: bool = False,
+    both: bool = False,
 ) -> MultiviewReference:
     """Render the pair by multiview, and its target eye once more with another seed. It is done in a scene copy of its
     own, which finds nothing that our render has synced, so that its seconds are those of a plain render.
 
     layers are the view layers to render, by default the first alone; pictures are those of the first. light_scale is
-    that of the pair to be judged, None for that of the reference itself. keeps_eyes: True if `eyes` is wanted.
+    that of the pair to be judged, None for that of the reference itself. keeps_eyes: True if `eyes` is wanted; both:
+    True if `first` is.
     """
     target = settings.target
     with working_scene(scene, settings.scene) as copy:
@@ -114,17 +121,27 @@ def render_reference(
         used = layers or [main]
         _use_layers(copy, used)
         kept, other = (used if keeps_eyes else ()), shifted_seed(seed, REFERENCE_SEED_OFFSET)
-        both = render_views(copy, VIEWS, folder, seed=other, layers=kept)
-        weight = pixel_weights(stereo_cameras(evaluated(copy.camera, copy), copy.render)[target])
+        both_eyes = render_views(copy, VIEWS, folder, seed=other, layers=kept)
+        cameras = stereo_cameras(evaluated(copy.camera, copy), copy.render)
         _use_layers(copy, [main])
-        again = render_views(copy, (target,), folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
-    reference, repeated = (colour(replace_non_finite(render.views[target])[0]) for render in (both, again))
-    scale = display_scale(reference) if light_scale is None else light_scale
+        judged = (target, settings.source) if both else (target,)
+        again = render_views(copy, judged, folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
     eyes = {
-        view: {name: replace_non_finite(passes)[0] for name, passes in of.items()} for view, of in both.layers.items()
+        view: {name: replace_non_finite(passes)[0] for name, passes in of.items()}
+        for view, of in both_eyes.layers.items()
     }
-    kept_eyes = eyes if keeps_eyes else {}
-    return MultiviewReference(engine, both.seconds, reference, repeated, scale, kept_eyes, weight)
+
+    def of_eye(view: str, **more: Any) -> MultiviewReference:
+        reference, repeated = (colour(replace_non_finite(each.views[view])[0]) for each in (both_eyes, again))
+        scale = display_scale(reference) if light_scale is None else light_scale
+        weight = pixel_weights(cameras[view])
+        where = View(view, cameras[view])
+        return MultiviewReference(
+            engine, both_eyes.seconds, reference, repeated, scale, pixel_weight=weight, view=where, **more
+        )
+
+    first = of_eye(settings.source) if both else None
+    return of_eye(target, eyes=eyes if keeps_eyes else {}, first=first)
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
@@ -136,38 +153,65 @@ def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
 
 
 def compare_with_multiview(
-    scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path, *, keeps_eyes: bool = False
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    pair: StereoPair,
+    folder: Path,
+    *,
+    keeps_eyes: bool = False,
+    both: bool = False,
 ) -> tuple[CompareReport, MultiviewReference]:
     """Render the same frame by multiview, and compare the pair with it. Return the `compare` part of the report, and
     multiview's render.
 
     Seconds are of all view layers; the picture that is judged is the main layer's, before any compositor. folder is
-    private; keeps_eyes is as for `render_reference`.
+    private; keeps_eyes and both are as for `render_reference`. The first eye is judged where it was made, too.
     """
-    scale = pair.main_frame.light_scale
-    layers = list(pair.frames)
-    multiview = render_reference(scene, settings, folder, layers=layers, light_scale=scale, keeps_eyes=keeps_eyes)
-    ours = colour(pair.main_frame.eyes[settings.target])
-    seen, share = seen_pictures(scene, settings, ours, multiview, folder), pair.main_frame.variance_share
-    flip, noise_flip = (None, None) if seen is None else seen.flips()
-    errors = multiview.judge(ours, share)
-    no_noise = _why_no_noise(errors, multiview.engine)
-    by_noise = {name: value if no_noise is ABSENT else None for name, value in errors.items() if name != "rmse"}
-    pictures = multiview.three(ours)
-    cutouts = compare_cutouts(pair.main_frame.camera, pictures, share, seen, has_noise=no_noise is ABSENT)
+    frame = pair.main_frame
+    scale, layers, reused = frame.light_scale, list(pair.frames), frame.reused
+    both = both or reused is not None
+    multiview = render_reference(
+        scene, settings, folder, layers=layers, light_scale=scale, keeps_eyes=keeps_eyes, both=both
+    )
+    seen, errors = _judged(
+        scene, settings, colour(frame.eyes[settings.target]), frame.variance_share, multiview, folder
+    )
+    pictures = multiview.three(colour(frame.eyes[settings.target]))
+    cutouts = compare_cutouts(frame.camera, pictures, frame.variance_share, seen, has_noise=errors.no_noise is ABSENT)
+    first: EyeErrors | Absent = ABSENT
+    if reused is not None and multiview.first is not None:
+        ours = colour(frame.eyes[settings.source])
+        _, first = _judged(scene, settings, ours, reused.variance_share, multiview.first, folder)
     report = CompareReport(
         multiview_seconds=multiview.seconds,
         speedup=multiview.seconds / pair.seconds["total"],
         noise_rmse=multiview.noise_rmse,
-        rmse=errors["rmse"],
-        **by_noise,
-        no_noise=no_noise,
-        flip=flip,
-        noise_flip=noise_flip,
-        flip_ratio=flip / noise_flip if flip is not None and noise_flip and no_noise is ABSENT else None,
+        **vars(errors),
         cutouts=cutouts or ABSENT,
+        first_eye=first,
     )
     return report, multiview
+
+
+def _judged(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    ours: NDArray[np.float32],
+    variance_share: NDArray[np.float32],
+    multiview: MultiviewReference,
+    folder: Path,
+) -> tuple[SeenPictures | None, EyeErrors]:
+    """Return an eye of ours (H, W, 4) and multiview's as people see them, None where that cannot be had, and its
+    errors. variance_share (H, W) is that of the eye."""
+    seen = seen_pictures(scene, settings, ours, multiview, folder)
+    flip, noise_flip = (None, None) if seen is None else seen.flips()
+    errors = multiview.judge(ours, variance_share)
+    no_noise = _why_no_noise(errors, multiview.engine)
+    by_noise = {name: value if no_noise is ABSENT else None for name, value in errors.items() if name != "rmse"}
+    ratio = flip / noise_flip if flip is not None and noise_flip and no_noise is ABSENT else None
+    return seen, EyeErrors(
+        rmse=errors["rmse"], **by_noise, no_noise=no_noise, flip=flip, noise_flip=noise_flip, flip_ratio=ratio
+    )
 
 
 def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:

@@ -24,6 +24,7 @@ from ..output.pictures import write_hole_mask
 from ..output.stamp import with_render_time
 from .compare import compare_with_multiview
 from .frame import InSequence, render_pair, value_warnings
+from .frame_flicker import FrameFlicker
 from .frame_maker import BlenderFrameMaker
 from .key_frames import KeyFrames
 
@@ -58,6 +59,11 @@ class PairMaker(BlenderFrameMaker):
         distance = self._options.reuse
         return None if distance is None else KeyFrames(self._scene, distance)
 
+    @cached_property
+    def _flicker(self) -> FrameFlicker:
+        """Measures flicker between frames that are compared."""
+        return FrameFlicker()
+
     def _made(self, frame: int, folder: Path) -> tuple[dict[str, Any], dict[str, str]]:
         """Render the pair of a frame, as `BlenderFrameMaker` says."""
         start = time.perf_counter()
@@ -75,7 +81,7 @@ class PairMaker(BlenderFrameMaker):
         figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
         if self._is_compared(frame):
             self._on_stage(Stage.COMPARE, f"{FRAME}{frame}")
-            figures["compare"] = self._compared(settings, pair)
+            figures["compare"] = self._compared(settings, pair, frame)
         # A pair is much to hold while the next one is rendered.
         self._last_pair = pair if self._keeps_last else None
         return figures, with_render_time(pair.metadata, report.seconds["total"])
@@ -90,13 +96,17 @@ class PairMaker(BlenderFrameMaker):
         figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
         return figures
 
-    def _compared(self, settings: StereoSettings, pair: StereoPair) -> dict[str, Any]:
+    def _compared(self, settings: StereoSettings, pair: StereoPair, frame: int) -> dict[str, Any]:
         """Return how the pair of a frame compares with multiview by the same settings, by the keys of its report."""
         self._scenes.close()
-        compared = compare_with_multiview(self._scene, settings, pair, self._work)[0]
+        reuses = self._keys is not None
+        compared, multiview = compare_with_multiview(self._scene, settings, pair, self._work, both=reuses)
+        found = as_json(compared)
+        if reuses:
+            found["flicker"] = self._flicker.since_last(frame, pair, multiview)
         # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
         # each frame of an animation anew, unless Persistent Data is on.
-        return {**as_json(compared), "synced_anew": True}
+        return {**found, "synced_anew": True}
 
     def _hand_out(self, folder: Path, pair: StereoPair) -> None:
         """Write the files that the writer needs of a pair into a folder. Raises OutputError."""
