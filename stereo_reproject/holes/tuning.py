@@ -96,5 +96,10 @@ class HoleTuning:
     is unknown there: more than the parallax of any pair that one looks at with ease (3 %). Without it twice as much
     would be traced of leaves before a sky, which are right. By hand."""
 
+    # Things that move.
+    mover_reach_share: float = 0.25
+    """Distance from the box around a thing that moves within which surfaces are traced anew, as a share of the box's
+    diagonal: there its shadow is darkest, and probes tell of what lies farther away. By hand."""
+
 
 TUNING = HoleTuning()

@@ -33,6 +33,8 @@ class Reason(IntFlag):
     """A pixel that is traced to measure how wrong the warped picture is."""
     INVALID = 1024
     """A pixel whose lookup would take part of a NaN or an infinity in the source."""
+    MOVED = 2048
+    """A thing that has moved since the source was rendered, or a surface right beside one."""
 
     @property
     def bit(self) -> np.uint16:
@@ -62,5 +64,6 @@ WORDS = {
     Reason.REFINED: "Uncertain areas",
     Reason.PROBE: "Spot checks",
     Reason.INVALID: "Broken pixels",
+    Reason.MOVED: "Moving things",
 }
 """Names of the reasons for artists."""

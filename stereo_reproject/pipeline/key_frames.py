@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ..estimate.tracing import ProbedTracing
+from ..holes.moved import Movers
 from ..images.depth_pass import with_depth_pass
 from ..images.passes import Passes, without_internal_passes
 from ..settings.frame import StereoSettings
@@ -45,6 +46,15 @@ class KeyFrame:
 
 
 @dataclass(frozen=True)
+class SinceKey:
+    """What has changed since the key frame: number is that of the frame that is made; movers are what has moved, by the
+    name of the eye, none where nothing has."""
+
+    number: int
+    movers: Mapping[str, Movers]
+
+
+@dataclass(frozen=True)
 class _Eye:
     """One made eye: its task, and the target once it is completed."""
 
@@ -56,16 +66,16 @@ def render_from_key(
     renderer: Renderer,
     settings: StereoSettings,
     key: KeyFrame,
-    number: int,
+    changed: SinceKey,
     *,
     findings: SharedFindings,
     watch: Stopwatch,
     known_costs: Callable[[], TraceCosts],
 ) -> StereoFrame:
-    """Make both eyes of the frame of this number from a key frame, and return the pair.
+    """Make both eyes of a frame from a key frame, and return the pair.
 
-    Only the camera may have moved since the key frame. The other parameters are those of `render_stereo_frame`. Raises
-    StereoReprojectError when a render fails.
+    Besides the camera, only the movers of `changed` may have changed since the key frame. The other parameters are
+    those of `render_stereo_frame`. Raises StereoReprojectError when a render fails.
     """
     rig = Rig.of_cameras(renderer.cameras, renderer.motion)
     tasks = [
@@ -76,11 +86,11 @@ def render_from_key(
     renderer.expect_probes(probed=any(task.may_differ for task in tasks) and key.source.accuracy.promise is not None)
 
     watch.lap(Stage.WARP)
-    seeds = [renderer.seed + PROBE_SEED_STEP * (2 * number + eye) for eye in range(2)]
-    tracings = [
-        ProbedTracing(renderer, warp_sources(task, [key.source], seed=seed))
-        for task, seed in zip(tasks, seeds, strict=True)
-    ]
+    tracings = []
+    for eye, task in enumerate(tasks):
+        seed = renderer.seed + PROBE_SEED_STEP * (2 * changed.number + eye)
+        movers = changed.movers.get(task.target.name)
+        tracings.append(ProbedTracing(renderer, warp_sources(task, [key.source], seed=seed, movers=movers)))
 
     watch.lap(Stage.FILL)
     fills = run_together([tracing.fill_steps() for tracing in tracings], renderer)

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from ..estimate.tracing import TargetTracing, WarpedTarget
 from ..holes.classifier import Optics
+from ..holes.moved import Movers
 from ..holes.reprojection import Reprojection, reproject
 from ..images.passes import deepest
+from ..images.reasons import Reason
 from ..trace.costs import TraceCosts
 from ..trace.fill import check_fill
 from ..trace.planner import FillPlanner
@@ -60,15 +62,25 @@ def warp_source(task: FrameTask, source: Source) -> WarpedSource:
     return WarpedSource(target, tracing, gpu, better, better_holes)
 
 
-def warp_sources(task: FrameTask, sources: Sequence[Source], *, seed: int) -> WarpedTarget:
+def warp_sources(
+    task: FrameTask, sources: Sequence[Source], *, seed: int, movers: Movers | None = None
+) -> WarpedTarget:
     """Return several sources warped into the target, ready to be traced; seed is that of its probes' places.
 
-    The sources have one accuracy, denoiser and light scale.
+    The sources have one accuracy, denoiser and light scale. movers are what has moved since the source was rendered,
+    which is then a single one; all else is probed where it can be, since their shadows and reflections move too.
     """
     linear, colour = interpolations_of(task.settings.interpolation, denoised=sources[0].denoising is not None)
     # Beside views that are rendered whole, another look of the noise is seen.
     reprojection, _ = _reprojected(task, sources, (linear, "grained" if colour == "adaptive" else colour))
-    return _target_of(task, sources[0], reprojection, seed=seed)
+    target = _target_of(task, sources[0], reprojection, seed=seed)
+    if movers is None:
+        return target
+    holes = target.reprojection
+    moved = movers.pixels(holes.warp, task.target.camera)
+    reasons = np.where(moved, holes.reasons | Reason.MOVED.bit, holes.reasons)
+    probed = target.needs_probes or target.denoising is None
+    return replace(target, reprojection=replace(holes, reasons=reasons), needs_probes=probed)
 
 
 def _target_of(task: FrameTask, source: Source, reprojection: Reprojection, *, seed: int) -> WarpedTarget:

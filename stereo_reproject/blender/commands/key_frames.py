@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import bpy
 
+from ...holes.moved import Movers
 from ...pipeline.frame import render_stereo_frame
-from ...pipeline.key_frames import KeyFrame, render_from_key
+from ...pipeline.key_frames import KeyFrame, SinceKey, render_from_key
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.source import Source, render_source
 from ...pipeline.stereo_frame import StereoFrame
@@ -22,17 +23,23 @@ from ..engines.eevee import renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import has_time_limit
 from ..scene.changes import SceneState, state_of
+from ..scene.movers import Shape, pixels_of_shapes, shapes_of
 from ..scene.rendered import CYCLES, camera_at
-from ..scene.working import WorkingScenes, rendered_layer
+from ..scene.working import WorkingScenes, rendered_layer, stand_at
 from .known_costs import known_costs
 
+KEY = "a key frame"
+"""Reason why a key frame is rendered whole."""
 
-@dataclass(frozen=True)
+
+@dataclass
 class _Kept:
-    """A key frame, and the state of the scene in it."""
+    """A key frame, and the state of the scene in it. shapes are those of things that were found to have moved since, as
+    they were in the key frame, by all of their names; None where they have none."""
 
     key: KeyFrame
     state: SceneState
+    shapes: dict[tuple[str, ...], list[Shape] | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -97,30 +104,49 @@ class KeyFrames:
         was made from its key frame."""
         working = renderer.scene
         layer, number = rendered_layer(working).name, working.frame_current
-        state = None if _why_never(working) else state_of(working)
-        why, kept = self._why_whole(working, layer, state), self._kept.get(layer)
+        why, kept = _why_never(working), self._kept.get(layer)
+        state = None if why else state_of(working)
         tools = {"findings": making.findings, "watch": making.watch, "known_costs": _costs_of(renderer, working)}
-        if why is None and kept is not None:
-            return render_from_key(renderer, making.settings, kept.key, number, **tools), None
-        if state is None or self.number_of(number) != number:
+        if state is None:
             return render_stereo_frame(renderer, making.settings, **tools), why
-        sources: list[Source] = []
-        frame = render_stereo_frame(renderer, making.settings, **tools, on_source=sources.append)
-        self._kept[layer] = _Kept(KeyFrame(number, sources[0], dict(renderer.metadata)), state)
-        return frame, why
+        if self.number_of(number) == number:
+            sources: list[Source] = []
+            frame = render_stereo_frame(renderer, making.settings, **tools, on_source=sources.append)
+            self._kept[layer] = _Kept(KeyFrame(number, sources[0], dict(renderer.metadata)), state)
+            return frame, KEY
+        if kept is None or kept.key.number != self.number_of(number):
+            return render_stereo_frame(renderer, making.settings, **tools), "its key frame could not be rendered"
+        changed = _since(kept, state, renderer)
+        if isinstance(changed, str):
+            return render_stereo_frame(renderer, making.settings, **tools), changed
+        return render_from_key(renderer, making.settings, kept.key, changed, **tools), None
 
-    def _why_whole(self, working: bpy.types.Scene, layer: str, state: SceneState | None) -> str | None:
-        """Return why the frame of a working scene in this state is rendered whole, in words; None where it is not."""
-        never, kept = _why_never(working), self._kept.get(layer)
-        if never is not None:
-            return never
-        number = self.number_of(working.frame_current)
-        if number == working.frame_current:
-            return "a key frame"
-        if kept is None or kept.key.number != number or state is None:
-            return "its key frame could not be rendered"
-        changed = [*state.changed_since(kept.state), *state.moved_since(kept.state)]
-        return f"changed since frame {number}: {_listed(changed)}" if changed else None
+
+def _since(kept: _Kept, state: SceneState, renderer: BlenderRenderer) -> SinceKey | str:
+    """Return what has changed in a renderer's scene, which is in this state, since the key frame; or, in words, why no
+    frame can be made from that one."""
+    working, key = renderer.scene, kept.key
+    number = working.frame_current
+    others = state.changed_since(kept.state)
+    if others:
+        return f"changed since frame {key.number}: {_listed(others)}"
+    names = tuple(state.moved_since(kept.state))
+    if not names:
+        return SinceKey(number, {})
+    now = shapes_of(working, names)
+    if names not in kept.shapes:
+        stand_at(working, key.number, 0.0)
+        kept.shapes[names] = shapes_of(working, names)
+        stand_at(working, number, 0.0)
+    then = kept.shapes[names]
+    if now is None or then is None:
+        return f"changed since frame {key.number}, and has no surface of triangles: {_listed(list(names))}"
+    in_source = pixels_of_shapes(then, key.source.seen.camera)
+    boxes = [shape.box for shape in (*then, *now)]
+    movers = {
+        view: Movers(in_source, pixels_of_shapes(now, camera), boxes) for view, camera in renderer.cameras.items()
+    }
+    return SinceKey(number, movers)
 
 
 def _costs_of(renderer: BlenderRenderer, working: bpy.types.Scene) -> Callable[[], TraceCosts]:

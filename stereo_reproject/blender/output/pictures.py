@@ -32,6 +32,7 @@ COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.REFINED: (255, 255, 255),
     Reason.PROBE: (255, 150, 190),
     Reason.INVALID: (255, 0, 255),
+    Reason.MOVED: (40, 170, 160),
 }
 """A pixel with several reasons shows the first of these."""
 
