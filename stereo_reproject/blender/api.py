@@ -97,6 +97,7 @@ def render_animation(
     file_format: str | None = None,
     holes: bool = False,
     compare_every: int | None = None,
+    reuse: int | None = None,
     strict: bool = False,
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
@@ -105,9 +106,9 @@ def render_animation(
     frames are by default the scene's, and they go into its own output path, format and stereo layout unless others are
     given; output is a folder. existing says what is done with frames that are there already: "refuse", "resume",
     "overwrite", or "keep" (whoever has rendered them); by default the scene's Overwrite decides. movie, layout,
-    file_format, holes and compare_every are those of `AnimationSettings`. on_frame is called with each finished frame:
-    its number, seconds, traced fraction, and how far the animation is. strict is as for `render_frame`, and has no
-    effect on the pictures. If the run ends early, frames that are finished stay.
+    file_format, holes, compare_every and reuse are those of `AnimationSettings`. on_frame is called with each finished
+    frame: its number, seconds, traced fraction, and how far the animation is. strict is as for `render_frame`, and has
+    no effect on the pictures. If the run ends early, frames that are finished stay.
     """
     settings = settings or StereoSettings()
     scene = _scene(scene)
@@ -122,6 +123,7 @@ def render_animation(
         movie=movie if movie in (None, "") else _absolute(movie, "movie"),
         holes=holes,
         compare_every=compare_every,
+        reuse=reuse,
     )
     first = options.frames[0] if options.frames else scene.frame_start
     _check_scene(scene, replace(settings, scene=replace(settings.scene, frame=first)), strict=strict)

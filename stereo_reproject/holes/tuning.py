@@ -97,7 +97,7 @@ class HoleTuning:
     would be traced of leaves before a sky, which are right. By hand."""
 
     # Things that move.
-    mover_reach_share: float = 0.25
+    mover_reach_share: float = 0.12
     """Distance from the box around a thing that moves within which surfaces are traced anew, as a share of the box's
     diagonal: there its shadow is darkest, and probes tell of what lies farther away. By hand."""
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..estimate.tracing import ProbedTracing
 from ..holes.moved import Movers
 from ..images.depth_pass import with_depth_pass
@@ -26,6 +28,7 @@ from .stages import Stage
 from .stereo_frame import ReusedEye, StereoFrame
 from .stopwatch import Stopwatch
 from .task import FrameTask
+from .tuning import TUNING
 from .warping import warp_sources
 
 PROBE_SEED_STEP = 15_485_863
@@ -47,7 +50,7 @@ class KeyFrame:
 
 @dataclass(frozen=True)
 class SinceKey:
-    """What has changed since the key frame: number is that of the frame that is made; movers are what has moved, by the
+    """Changes since the key frame: number is that of the frame that is made; movers are what has moved, by the
     name of the eye, none where nothing has."""
 
     number: int
@@ -71,8 +74,9 @@ def render_from_key(
     findings: SharedFindings,
     watch: Stopwatch,
     known_costs: Callable[[], TraceCosts],
-) -> StereoFrame:
-    """Make both eyes of a frame from a key frame, and return the pair.
+) -> StereoFrame | None:
+    """Make both eyes of a frame from a key frame, and return the pair; None where so much would have to be traced that
+    it is better rendered.
 
     Besides the camera, only the movers of `changed` may have changed since the key frame. The other parameters are
     those of `render_stereo_frame`. Raises StereoReprojectError when a render fails.
@@ -91,6 +95,9 @@ def render_from_key(
         seed = renderer.seed + PROBE_SEED_STEP * (2 * changed.number + eye)
         movers = changed.movers.get(task.target.name)
         tracings.append(ProbedTracing(renderer, warp_sources(task, [key.source], seed=seed, movers=movers)))
+
+    if float(np.mean(tracings[0].target.traced)) > TUNING.max_traced_of_key:
+        return None
 
     watch.lap(Stage.FILL)
     fills = run_together([tracing.fill_steps() for tracing in tracings], renderer)

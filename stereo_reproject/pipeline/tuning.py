@@ -24,6 +24,9 @@ class PipelineTuning:
     halved_gap_share: float = 0.7
     """Share of a view that must be traced, over that share where the two views that it is made from are twice as far
     apart. Measured on a large interior, by two views 2 to 32 steps of a display apart: 6.2, 12, 14, 20 and 26 %."""
+    max_traced_of_key: float = 0.5
+    """Share of the pixels of a frame's first eye that may be traced for the frame to be made from its key frame: beyond
+    it, the eye is rendered whole, and the other is made from it with fewer holes. By hand."""
     batch_pixels: int = 4_000_000
     """Pixels of the views whose holes are traced in one render: each takes about 150 bytes until it is finished, and a
     render call costs its seconds once. By hand."""

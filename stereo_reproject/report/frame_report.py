@@ -220,7 +220,7 @@ class CompareReport(EyeErrors):
 
 @dataclass(frozen=True, kw_only=True)
 class ReuseReport:
-    """What a pair was made from, in an animation whose frames may be made from key frames.
+    """Origin of a pair in an animation whose frames may be made from key frames.
 
     key_frame is the number of the frame that both eyes were made from; None for a frame of which one eye was rendered
     whole, and whole then says why. first_eye_traced is the share of the first eye's pixels that was traced, and

@@ -118,7 +118,7 @@ def _compare(
 
 @dataclass(frozen=True)
 class InSequence:
-    """What a frame of a sequence shares with its other frames.
+    """Things that a frame of a sequence shares with its other frames.
 
     scenes are the working scenes, which go on to the next frame. findings returns, for a view layer's name, what other
     frames have found. learns: True where this user's costs of tracing are renewed by this frame; not for one whose

@@ -44,7 +44,7 @@ class _Kept:
 
 @dataclass(frozen=True)
 class Making:
-    """What the frames of one view layer are rendered by: the user's scene, the settings of this frame, a private
+    """Means by which a frame of one view layer is rendered: the user's scene, the settings of this frame, a private
     folder, the stopwatch, and what other frames have found."""
 
     scene: bpy.types.Scene
@@ -116,10 +116,14 @@ class KeyFrames:
             return frame, KEY
         if kept is None or kept.key.number != self.number_of(number):
             return render_stereo_frame(renderer, making.settings, **tools), "its key frame could not be rendered"
-        changed = _since(kept, state, renderer)
+        changed = renderer.fill_blockers()["packed"] or _since(kept, state, renderer)
         if isinstance(changed, str):
             return render_stereo_frame(renderer, making.settings, **tools), changed
-        return render_from_key(renderer, making.settings, kept.key, changed, **tools), None
+        made = render_from_key(renderer, making.settings, kept.key, changed, **tools)
+        if made is None:
+            why = f"too little of it is seen in frame {kept.key.number}"
+            return render_stereo_frame(renderer, making.settings, **tools), why
+        return made, None
 
 
 def _since(kept: _Kept, state: SceneState, renderer: BlenderRenderer) -> SinceKey | str:

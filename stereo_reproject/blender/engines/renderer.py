@@ -140,20 +140,14 @@ class BlenderRenderer:
         optics = Optics(self.lens, self.volumes)
         return self.plan.may_mirror and _shows_mirrors(self.scene, eyes, optics, denoised=self.denoise is not None)
 
-    def _noisy(self) -> AbstractContextManager[None]:
-        """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards."""
-        return nullcontext() if self.denoise is None else changed(self.scene.cycles, use_denoising=False)
-
     def _guided(self, passes: Passes) -> Passes:
         """Return the passes of a render without those that only we switched on, with those that denoising needs."""
         passes = self._rays.without_added(passes if self.denoise is None else guided_by(passes))
         return without_added_positions(self.scene, passes)
 
     def first_look(self, view: str, *, probed: bool = True) -> tuple[NDArray[np.float32], SourceCost] | None:
-        """Render an eye with a single sample; return its colour (H, W, 4) and its cost. None where EEVEE renders, which
-        has no such sample, and where the scene asks for other samples than its first. It has the passes and the size of
-        the source, since Cycles keeps what it syncs and dices for them; probed is as for `render_source`.
-        """
+        """Render an eye with one sample, as `pipeline.renderer.Renderer` says; EEVEE has none. It has the source's
+        passes and size, since Cycles keeps what it syncs and dices for them."""
         if not has_first_sample(self.scene):
             return None
         self._rays.tell_light_apart(self.scene, probed=probed)
@@ -167,7 +161,7 @@ class BlenderRenderer:
         limit. From now on the renders have what only probes are read by, if they are `probed`.
         """
         self._rays.tell_light_apart(self.scene, probed=probed)
-        with self._noisy(), self.standing_at(view) as eye:
+        with _noisy(self), self.standing_at(view) as eye:
             seed = self.own_seeds.get(view, self.seed)
             rendered = render_source_view(self.scene, eye, self.cameras.values(), self.plan, self.folder, seed)
         give_back_freed()  # A fifth of all memory by now, of a large picture: reading the file has taken it.
@@ -182,7 +176,7 @@ class BlenderRenderer:
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
 
     def expect_probes(self, *, probed: bool) -> None:
-        """Have the renders that follow have what only probes are read by, as `pipeline.renderer.Renderer` says."""
+        """Have what only probes are read by in the renders that follow, as `pipeline.renderer.Renderer` says."""
         self._rays.tell_light_apart(self.scene, probed=probed)
 
     @property
@@ -235,7 +229,7 @@ class BlenderRenderer:
         """
         # A whole render of the eye is one as the user asks for, with the limit.
         enough = has_time_limit(self.scene) and method != "full"
-        with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
+        with _noisy(self), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
             if method == "packed":
                 renders, traced = self._traced_together(requests)
                 if len(renders) == 1:
@@ -274,6 +268,11 @@ class BlenderRenderer:
         """
         self._traces += 1
         return shifted_seed(self.seed, TRACE_SEED_STEP * self._traces)
+
+
+def _noisy(renderer: BlenderRenderer) -> AbstractContextManager[None]:
+    """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards."""
+    return nullcontext() if renderer.denoise is None else changed(renderer.scene.cycles, use_denoising=False)
 
 
 def _shows_mirrors(scene: bpy.types.Scene, eyes: Mapping[str, Camera], optics: Optics, *, denoised: bool) -> bool:

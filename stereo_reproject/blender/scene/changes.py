@@ -25,7 +25,7 @@ SEED = "seed"
 
 @dataclass(frozen=True)
 class SceneState:
-    """What a scene shows in one frame, by value.
+    """Contents of a scene in one frame, by value.
 
     surfaces has a digest of place and shape for each object, all its instances together, by its name. others has a
     digest of what else is animated (lights, worlds, materials, settings), by what it is and its name.
