@@ -218,12 +218,12 @@ class _Advanced:
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw settings of the screen, the warp, the comparison and scripts."""
+        """Draw settings of the screen, the warp, animations, the comparison and scripts."""
         layout, chosen = self.layout, context.scene.stereo_reproject
         for names in (
             ("screen_width", "eye_distance", "viewing_distance"),
             ("grid_threshold", "interpolation", "warp"),
-            ("compare", "use_scripts"),
+            ("key_frame_distance", "compare", "use_scripts"),
         ):
             column = layout.column(align=True)
             for name in names:

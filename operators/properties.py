@@ -7,6 +7,7 @@ import bpy
 
 from ..stereo_reproject.report.verdict import accuracy_name
 from ..stereo_reproject.settings.accuracy import SETTINGS
+from ..stereo_reproject.settings.animation import MAX_REUSE
 from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, MAX_SIZE, PACKED_CAMERAS, StereoSettings
 from .headset import CHOICES, FLAT, HEIGHT_PX, LEAST_HEIGHT_PX
 from .plane_drawing import redraw_views
@@ -133,6 +134,15 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         description="Also render the pair with Blender's multiview, and measure time and error against it."
         " Takes about three more renders",
         default=StereoSettings.compare,
+    )
+    key_frame_distance: bpy.props.IntProperty(
+        name="Frames per Key Frame",
+        description="Of so many frames in a row of an animation, one eye of the first is rendered whole, and the others"
+        " are made from it: what moves, and what comes into view, is rendered. At 1, one eye of each frame is rendered",
+        default=1,
+        min=1,
+        max=MAX_REUSE,
+        soft_max=24,
     )
     grid_threshold: bpy.props.FloatProperty(
         name="Grid Threshold",

@@ -115,12 +115,12 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
 
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Start a job that renders the scene's animation into its output path, and return it."""
-        options = AnimationSettings(existing=existing_as_set(scene))
+        distance = scene.stereo_reproject.key_frame_distance
+        asked = AnimationSettings(existing=existing_as_set(scene), reuse=distance if distance > 1 else None)
         settings = settings_of(scene, preview=False)
-        options, output = output_of(scene, options, settings.scene)
+        _, output = output_of(scene, asked, settings.scene)
         of_frame = partial(Progress, stages=USUAL["animate"], frames=len(layers_to_render(scene)))
         progress = FramesProgress(time.monotonic(), len(output.files), of_frame)
-        asked = AnimationSettings(existing=options.existing)
         records = RecordStore(JournalFolder(output.folder, output.name))
         animation = Animation(asked, folders_of(output), sorted(output.files), records)
         pictures = under_way.wanted_pictures(first_look=False)

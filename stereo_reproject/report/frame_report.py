@@ -204,16 +204,22 @@ class EyeErrors:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareReport(EyeErrors):
+class MultiviewSeconds:
+    """Time of Blender's multiview beside ours, and its noise: the first part of a `CompareReport`."""
+
+    multiview_seconds: float
+    speedup: float
+    noise_rmse: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareReport(EyeErrors, MultiviewSeconds):
     """The pair compared with Blender's multiview, rendered in the same run; the errors are the target's.
 
     noise_rmse is that of multiview's eye rendered with another seed. cutouts is absent but for panoramas. first_eye has
     the errors of the other eye where that was made too; absent where it was rendered.
     """
 
-    multiview_seconds: float
-    speedup: float
-    noise_rmse: float
     cutouts: tuple[CutoutReport, ...] | Absent = ABSENT
     first_eye: EyeErrors | Absent = ABSENT
 
