@@ -188,6 +188,44 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     ]
 
 
+def test_an_animation_that_goes_on_says_of_which_frames_its_numbers_are(extension, animated, place, monkeypatch, capfd):
+    from stereo_reproject_extension.operators import results, run, run_words
+    from stereo_reproject_extension.operators.drawing import verdicts_on
+
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    result = results.result_of(animated)
+    first_saved = result.new_totals["multiview_seconds"]
+    assert verdicts_on(animated, result)[-1].words.startswith("2 frames, ")
+    animated.frame_end, animated.render.use_overwrite = 3, False
+
+    told, so_far = run.BackgroundJob._on_event, []
+
+    def cancel_in_the_third(self, event):
+        told(self, event)
+        if event.get("stage") == "source":
+            self.cancel()
+
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", cancel_in_the_third)
+    assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
+    goes_on = "Render Animation goes on with the others"
+    assert result.ended == f"Cancelled: no frame was finished, 2 were there already. {goes_on}"
+
+    monkeypatch.setattr(
+        run.BackgroundJob,
+        "_on_event",
+        lambda self, event: (told(self, event), so_far.append(run_words.saved_so_far(self))),
+    )
+    capfd.readouterr()
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    assert re.search(r"1 stereo frame rendered, [^;]*; 2 were there already: ", capfd.readouterr().out)
+    assert so_far[-1].endswith(" so far by 1 frame")
+    of_run, of_all = (verdict.words for verdict in verdicts_on(animated, result)[-2:])
+    assert of_run.startswith("1 frame rendered now, ")
+    assert of_all.startswith("3 frames in all, ")
+    everything_saved = result.animation["totals"]["multiview_seconds"]
+    assert everything_saved == pytest.approx(result.new_totals["multiview_seconds"] + first_saved)
+
+
 @pytest.mark.parametrize("stage", ["plan", "source", "fill"])
 def test_nothing_is_left_of_an_animation_that_is_cancelled_in_its_first_frame(
     extension, animated, place, monkeypatch, stage
