@@ -98,9 +98,9 @@ def finish(number: int) -> bool:
 
 
 def step(number: int) -> bool:
-    """Show the other eye if it is its turn, at the same zoom and place. Return False if the wiggle has ended: by another
-    button, because its editor is gone or shows something else, or because another picture was rendered, in place of
-    which the pair is shown.
+    """Show the other eye if it is its turn, at the same zoom and place. Return False if the wiggle has ended: by
+    another button, because its editor is gone or shows something else, or because another picture was rendered, in
+    place of which the pair is shown.
     """
     wiggle = _wiggles.get(number)
     if wiggle is None:
