@@ -114,12 +114,10 @@ class Progress:
         elif fraction >= MIN_FRACTION_ALONE and self._stage_pace is None:
             self._stage_pace = (now - self._since) / fraction
         if self._stage_pace is not None:
-            self._tells = self._tells or self._done_before() + expected >= MIN_TELLING_SHARE * sum(
-                self._expected.values()
-            )
             # As it will be when the stage is over, with what came before its samples.
-            whole = now - self._started + (1.0 - fraction) * self._stage_pace
-            self._pace = whole / (self._done_before() + expected)
+            done, seconds = self._done_before() + expected, now - self._started + (1.0 - fraction) * self._stage_pace
+            self._pace = seconds / done
+            self._tells = self._tells or done >= MIN_TELLING_SHARE * sum(self._expected.values())
 
     def fraction(self, now: float) -> float:
         """Return the fraction of the run that is done, from 0 to 1, and never less than before."""
