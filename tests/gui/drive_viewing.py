@@ -115,7 +115,7 @@ def wiggle_after_one_eye():
     for name in ("first", "moved"):
         yield from watch_turns(3)
         places = []
-        for _ in range(40):
+        for _ in range(20):
             eye = shown()[0]
             # What the editor draws is known only after that.
             yield 0.05
