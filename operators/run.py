@@ -116,10 +116,8 @@ class BackgroundJob:
         """Number of frames that this job has finished so far."""
         self.picture: Event | None = None
         """Last event "picture": an eye as it is so far; None before the first."""
-        self.saved: float | None = None
-        """Seconds that the frames of an animation that this job has finished have saved; None before the first."""
-        self.saving_frames = 0
-        """Number of the frames that `saved` is of."""
+        self.savings: list[float] = []
+        """Seconds that each frame of an animation has saved that this job has finished so far."""
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
@@ -229,8 +227,7 @@ class BackgroundJob:
                     self.progress.finish(event)
                 self.frames_finished += 1
                 if event.get("saved") is not None:
-                    self.saved = (self.saved or 0.0) + event["saved"]
-                    self.saving_frames += 1
+                    self.savings.append(event["saved"])
             return
         if event["event"] != "stage":
             return

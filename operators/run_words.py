@@ -59,10 +59,11 @@ def saved_so_far(run: BackgroundJob) -> str:
     """Return in words the time that an animation's frames have saved, and how many of them, those alone that this run
     has finished; "" before the first of them, and of others.
     """
-    if run.saved is None:
+    count = len(run.savings)
+    if count == 0:
         return ""
-    message = "{saved} so far by 1 frame" if run.saving_frames == 1 else "{saved} so far by {count} frames"
-    return Words(message, saved=saved_words(run.saved), count=run.saving_frames)
+    message = "{saved} so far by 1 frame" if count == 1 else "{saved} so far by {count} frames"
+    return Words(message, saved=saved_words(sum(run.savings)), count=count)
 
 
 def cancelled_words(run: BackgroundJob) -> str:

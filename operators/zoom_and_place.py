@@ -40,7 +40,8 @@ def drawn_at(area: bpy.types.Area) -> ZoomAndPlace:
     """Return zoom and place of the picture in an Image Editor as it was drawn last."""
     region = _region_of(area)
     # Blender counts from the middle of the first pixel to that of the last one.
-    x, y = region.view2d.region_to_view(0.5 * (region.width - 1), 0.5 * (region.height - 1))
+    middle = 0.5 * (region.width - 1), 0.5 * (region.height - 1)
+    x, y = region.view2d.region_to_view(*middle)  # pyright: ignore[reportGeneralTypeIssues] - the stubs' arrays are none
     return ZoomAndPlace(area.spaces.active.zoom_percentage / 100.0, x, y)
 
 

@@ -158,8 +158,7 @@ class AnimationUnderWay:
     animation = SimpleNamespace(
         frames=range(11, 15), settings=SimpleNamespace(existing="overwrite"), there_already=lambda: 0
     )
-    detail, stage, saved, frames_finished, is_ending = "frame 13", "fill", 190.0, 2, False
-    saving_frames = 2
+    detail, stage, savings, frames_finished, is_ending = "frame 13", "fill", (100.0, 90.0), 2, False
     stage_words = MappingProxyType({})
 
     def far(self):
