@@ -36,6 +36,9 @@ MODES = ("ANAGLYPH", "LEFT", "RIGHT", "SIDE_BY_SIDE", "CROSS_EYED")
 
 PREVIEW_PERCENT = 25
 
+LOOKS = 8
+"""Looks at where an eye is in a wiggle, at least."""
+
 SHOTS = 6
 """Pictures that are taken of a wiggle: so many that not all of them fall on one eye."""
 
@@ -115,7 +118,7 @@ def wiggle_after_one_eye():
     for name in ("first", "moved"):
         yield from watch_turns(3)
         places = []
-        for _ in range(20):
+        while len(places) < LOOKS or len({seen[0] for seen in places}) < 2:
             eye = shown()[0]
             # What the editor draws is known only after that.
             yield 0.05
