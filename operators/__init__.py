@@ -73,7 +73,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import cone_view, depth_view, keys, manual, panels, preset_menu, properties, slots, view_modes
+    from . import cone_view, depth_view, keys, looking, manual, panels, preset_menu, properties, slots, view_modes
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -87,6 +87,7 @@ def register() -> None:
     preset_menu.add_own_presets()
     slots.watch()
     view_modes.watch()
+    looking.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -108,7 +109,7 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import cone_view, depth_view, keys, manual, panels, preset_menu, screen_here, slots, view_modes
+    from . import cone_view, depth_view, keys, looking, manual, panels, preset_menu, screen_here, slots, view_modes
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -120,6 +121,7 @@ def unregister() -> None:
     cone_view.remove_drawing()
     depth_view.remove_drawing()
     screen_here.put_away()
+    looking.unwatch()
     view_modes.unwatch()
     slots.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)

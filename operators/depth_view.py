@@ -37,7 +37,8 @@ _handlers: list[object] = []
 
 def planes_of(scene: bpy.types.Scene) -> list[Plane]:
     """Return the planes of the screen and of both ends of the comfort zone, as far as the scene's camera has them: as
-    wide as the frame is there for the eye, or the place between both, that stands where the camera is.
+    wide as the frame is there for the eye, or the place between both, that stands where the camera is. Eyes in the same
+    place have the screen alone, where they would converge.
     """
     eyes = eyes_of(scene)
     if eyes is None:
@@ -52,12 +53,21 @@ def planes_of(scene: bpy.types.Scene) -> list[Plane]:
         ("Far", limits.far, LIMIT_COLOUR, 0.9),
     ):
         depth = depth_at_parallax(left, right, percent, frame_width)
+        if name == "Screen" and _eyes_coincide(scene.camera.data):
+            depth = _screen_depth_of(scene.camera.data)
         if depth is not None and np.isfinite(depth):
             ends = [frame_corners(eye, frame, depth) for eye in (left, right)]
             corners = ends[0] + share_of_right * (ends[1] - ends[0])
             # Through the camera, the nearest plane would veil the whole picture.
             planes.append(Plane(name, corners, colour, label_share, fills_frame=name == "Screen"))
     return planes
+
+
+def _eyes_coincide(data: bpy.types.Camera) -> bool:
+    """Return whether a camera that converges has both eyes in the same place, so that nothing has a parallax."""
+    return (
+        data.stereo.interocular_distance == 0.0 and data.type == "PERSP" and data.stereo.convergence_mode != "PARALLEL"
+    )
 
 
 def _shown_planes() -> list[Plane]:
@@ -132,7 +142,11 @@ def arrow_base(scene: bpy.types.Scene) -> Matrix | None:
 
 def screen_depth() -> float:
     """Return the depth of the screen of the scene's camera, in scene units."""
-    data = bpy.context.scene.camera.data
+    return _screen_depth_of(bpy.context.scene.camera.data)
+
+
+def _screen_depth_of(data: bpy.types.Camera) -> float:
+    """Return the depth of a camera's screen, in scene units."""
     return data.stereo.convergence_distance / convergence_of_screen(data, 1.0)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import bpy
 
@@ -150,18 +152,35 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
     """Return the sentences about quality and time of a scene's last result, an animation or a pair."""
     if result.animation is not None:
-        totals, rows = result.animation["totals"], result.animation["frames"]
-        saved = saved_by_animation(totals)
-        count = totals["frames"]
-        message = "1 frame, {saved}" if count == 1 else "{count} frames, {saved}"
-        quality, words = quality_of_animation(rows), Words(message, count=count, saved=saved_words(saved))
-        return [*([] if quality is None else [quality]), Verdict(words, good=None if saved <= 0.0 else True)]
+        quality = quality_of_animation(result.animation["frames"])
+        return [*([] if quality is None else [quality]), *_saved_by_frames(result)]
     if result.report is None:
         return []
     gain = full_gain_of(scene)
     words = time_words(result.report, full_gain=gain)
     pays = gain is None and not words.startswith("No time")
     return [quality_of(result.report, preview=gain is not None), Verdict(words, good=True if pays else None)]
+
+
+def _saved_by_frames(result: Result) -> list[Verdict]:
+    """Return sentences about the time that the frames of the last animation have saved: those of its last run, and
+    where more of them are recorded, all of these too.
+    """
+    assert result.animation is not None
+    everything, new = result.animation["totals"], result.new_totals
+    if new is None or new["frames"] == everything["frames"]:
+        return [_saved_by(everything, "1 frame, {saved}", "{count} frames, {saved}")]
+    of_run = _saved_by(new, "1 frame rendered now, {saved}", "{count} frames rendered now, {saved}")
+    return [of_run, _saved_by(everything, "1 frame in all, {saved}", "{count} frames in all, {saved}")]
+
+
+def _saved_by(totals: Mapping[str, Any], one: str, more: str) -> Verdict:
+    """Return a sentence about the time that frames with these totals have saved; one and more are its messages for one
+    frame and for several.
+    """
+    saved, count = saved_by_animation(totals), totals["frames"]
+    words = Words(one if count == 1 else more, count=count, saved=saved_words(saved))
+    return Verdict(words, good=None if saved <= 0.0 else True)
 
 
 def _is_shown(context: bpy.types.Context, delivery: Delivery) -> bool:

@@ -6,6 +6,8 @@ import bpy
 
 from .jobs import running
 from .pictures import find_editor, image_editors
+from .redraw import redraw_panels
+from .slots import content_now
 from .text import reported, shown
 from .view_modes import MODES, NO_PAIR, WIGGLE, mode_in, pair_in
 
@@ -60,3 +62,33 @@ def mode_elsewhere() -> str | None:
     """Return the mode in which an Image Editor shows the pair, a key of `MODES`; None if in none."""
     found = _window_and_editor()
     return None if found is None else mode_in(found[0], found[1].spaces.active)
+
+
+_drawn: list[object] = []
+"""The way in which the pair was looked at, and the content of its slot, when an Image Editor was drawn last."""
+
+_handlers: list[object] = []
+
+
+def _note_drawn() -> None:
+    """Have all panels drawn anew where the pair is looked at in another way than before, or another slot is: Blender
+    draws those of other editors anew for neither. Blender calls this after it has drawn an Image Editor.
+    """
+    now = mode_elsewhere(), content_now()
+    if _drawn != [now]:
+        _drawn[:] = [now]
+        # Within a drawing nothing can be asked to be drawn.
+        bpy.app.timers.register(redraw_panels, first_interval=0.0)
+
+
+def watch() -> None:
+    """Begin to look after the panels of other editors. Called when the extension is switched on."""
+    add = bpy.types.SpaceImageEditor.draw_handler_add
+    _handlers.append(add(_note_drawn, (), "WINDOW", "POST_PIXEL"))
+
+
+def unwatch() -> None:
+    """Undo `watch`. Called when the extension is switched off."""
+    while _handlers:
+        bpy.types.SpaceImageEditor.draw_handler_remove(_handlers.pop(), "WINDOW")
+    _drawn.clear()

@@ -120,7 +120,8 @@ def fit_result() -> None:
 
 def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
     """Zoom an Image Editor so that the whole picture fits into it, and put that into its middle, or, as far as the
-    picture's size is known, into what the sidebar leaves free; while a job runs, do as `zoom_to_fit`.
+    picture's size is known, into what the sidebar leaves free, if that is most of it; while a job runs, do as
+    `zoom_to_fit`.
     """
     if job_has_thread():
         zoom_to_fit(area)
@@ -131,9 +132,14 @@ def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
         _clear_of_sidebar(area, region)
 
 
+MAX_COVERED_SHARE = 0.4
+"""Widest share of an Image Editor that its sidebar covers for a picture to be fitted beside it: beside a wider one it
+would be too small to be looked at, and is fitted to the whole editor."""
+
+
 def _clear_of_sidebar(area: bpy.types.Area, region: bpy.types.Region) -> None:
     """Make a picture that is in the middle of an Image Editor's region smaller, and move it to the left, until the
-    sidebar covers nothing of it. The editor must be that of the context.
+    sidebar covers nothing of it; not beside a sidebar that leaves little room. The editor must be that of the context.
     """
     space = area.spaces.active
     sidebar = next((other for other in area.regions if other.type == "UI" and other.width > 1), None)
@@ -144,7 +150,7 @@ def _clear_of_sidebar(area: bpy.types.Area, region: bpy.types.Region) -> None:
     free = region.width - covered
     # The editor's own zoom is that of the picture that was drawn last.
     zoom = min(region.width / width, region.height / height)
-    if not 0 < covered < free or width * zoom <= free - covered:
+    if not 0 < covered <= MAX_COVERED_SHARE * region.width or width * zoom <= free - covered:
         return
     zoom = min(zoom, free / width)
     bpy.ops.image.view_zoom_ratio(ratio=zoom)

@@ -35,6 +35,7 @@ from ..stereo_reproject.report.verdict import (
 )
 from ..stereo_reproject.sequence.journal_folder import JournalFolder
 from ..stereo_reproject.sequence.record_store import RecordStore
+from ..stereo_reproject.sequence.report import totals
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair
@@ -122,7 +123,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         of_frame = partial(Progress, stages=USUAL["animate"], frames=len(layers_to_render(scene)))
         progress = FramesProgress(time.monotonic(), len(output.files), of_frame)
         records = RecordStore(JournalFolder(output.folder, output.name))
-        animation = Animation(asked, folders_of(output), sorted(output.files), records)
+        animation = Animation(asked, folders_of(output), output.files, records)
         pictures = under_way.wanted_pictures(first_look=False)
         return BackgroundJob(
             scene, settings, "animate", ANIMATION_FILES, progress, animation=animation, pictures=pictures
@@ -141,26 +142,30 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
             except StereoReprojectError as error:
                 run.warnings.append(Words("the last frame is not shown: {reason}", reason=str(error)))
         run.close()
+        assert run.animation is not None
+        frames = sorted({*run.animation.frames} - {*report["there_already"]})
+        new = totals([row for row in report["frames"] if row["frame"] in frames])
         if scene is not None:
             delivery = _delivery(report["last"] if shown else None)
-            keep_animation(scene, run, delivery if shown else replace(delivery, content=None))
+            keep_animation(scene, run, delivery if shown else replace(delivery, content=None), new)
         plays = Words("; {name} plays them", name=VIEWING) if scene is not None and needs_our_player(scene) else ""
-        return reported(_words_of_animation(report, where, plays))
+        return reported(_words_of_animation(report, len(frames), saved_by_animation(new), where, plays))
 
 
-def _words_of_animation(report: Mapping[str, Any], where: str, plays: str) -> Words:
-    """Return a line about the frames that were rendered; where and plays are parts of it, or empty."""
-    rendered, there = report["rendered"], len(report["there_already"])
-    message = "1 stereo frame rendered" if rendered == 1 else "{count} stereo frames rendered"
-    skipped = Words(", {count} were there already", count=there) if there else ""
+def _words_of_animation(report: Mapping[str, Any], rendered: int, saved: float, where: str, plays: str) -> Words:
+    """Return a line about an animation: how many frames its run has rendered, the seconds that these have saved, and
+    how many were there already; where and plays are parts of it, or empty.
+    """
+    there = len(report["there_already"])
+    message = "1 stereo frame rendered, {saved}" if rendered == 1 else "{count} stereo frames rendered, {saved}"
+    before = "; 1 was there already" if there == 1 else "; {count} were there already"
     return Words(
-        "{rendered}{skipped}: {file}{where}{plays}. {saved}",
-        rendered=Words(message, count=rendered),
-        skipped=skipped,
+        "{rendered}{skipped}: {file}{where}{plays}",
+        rendered=Words(message, count=rendered, saved=saved_words(saved)),
+        skipped=Words(before, count=there) if there else "",
         file=report["files"][-1],
         where=where,
         plays=plays,
-        saved=saved_words(saved_by_animation(report["totals"])),
     )
 
 

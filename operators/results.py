@@ -109,6 +109,8 @@ class Result:
     report: Mapping[str, Any] | None = None
     animation: Mapping[str, Any] | None = None
     """Report of the animation that was rendered last, where no pair was rendered since."""
+    new_totals: Mapping[str, Any] | None = None
+    """Totals of those of its frames that this run has rendered; None where there is no such animation."""
     delivery: Delivery | None = None
     """Picture that `report` or `animation` is about; None before the first."""
     inspection: Mapping[str, Any] | None = None
@@ -180,21 +182,25 @@ def keep_pair(
     if result.run is not None:
         result.run.close()
     result.report, result.warnings, result.run = run.report, run.warnings, run
-    result.animation, result.delivery = None, delivery
+    result.animation, result.new_totals, result.delivery = None, None, delivery
     if run.report is not None:
         result.depth = KnownDepth.of_report(run.report, edges) or result.depth
 
 
-def keep_animation(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) -> None:
+def keep_animation(
+    scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery, new_totals: Mapping[str, Any]
+) -> None:
     """Keep the report and warnings of a finished animation for the panels, in place of those of the scene's last
-    pair, whose files are removed. delivery is the picture that is shown.
+    pair, whose files are removed. delivery is the picture that is shown, and new_totals are those of the frames that
+    the run has rendered.
     """
     _forget_gone()
     result = result_of(scene)
     if result.run is not None:
         result.run.close()
     result.report = result.run = None
-    result.animation, result.warnings, result.delivery = run.report, run.warnings, delivery
+    result.animation, result.new_totals = run.report, new_totals
+    result.warnings, result.delivery = run.warnings, delivery
 
 
 def keep_views(scene: bpy.types.Scene, views: DeliveredViews) -> None:

@@ -116,8 +116,8 @@ class BackgroundJob:
         """Number of frames that this job has finished so far."""
         self.picture: Event | None = None
         """Last event "picture": an eye as it is so far; None before the first."""
-        self.saved: float | None = None
-        """Seconds that the frames of an animation have saved so far; None before the first."""
+        self.savings: list[float] = []
+        """Seconds that each frame of an animation has saved that this job has finished so far."""
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
@@ -205,7 +205,7 @@ class BackgroundJob:
             self._end_worker()
             if self.animation is not None:
                 # Of the last frames, a run that ends early tells nothing.
-                self.frames_finished = max(self.frames_finished, self.animation.newly_recorded())
+                self.frames_finished = max(self.frames_finished, len(self.animation.newly_recorded()))
             self._blend.unlink(missing_ok=True)
 
     def _end_worker(self) -> None:
@@ -227,7 +227,7 @@ class BackgroundJob:
                     self.progress.finish(event)
                 self.frames_finished += 1
                 if event.get("saved") is not None:
-                    self.saved = (self.saved or 0.0) + event["saved"]
+                    self.savings.append(event["saved"])
             return
         if event["event"] != "stage":
             return

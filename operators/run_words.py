@@ -56,17 +56,27 @@ def stage_alone(run: BackgroundJob) -> str:
 
 
 def saved_so_far(run: BackgroundJob) -> str:
-    """Return in words the time that an animation's frames have saved; "" before the first of them, and of others."""
-    return "" if run.saved is None else Words("{saved} so far", saved=saved_words(run.saved))
+    """Return in words the time that an animation's frames have saved, and how many of them, those alone that this run
+    has finished; "" before the first of them, and of others.
+    """
+    count = len(run.savings)
+    if count == 0:
+        return ""
+    message = "{saved} so far by 1 frame" if count == 1 else "{saved} so far by {count} frames"
+    return Words(message, saved=saved_words(sum(run.savings)), count=count)
 
 
 def cancelled_words(run: BackgroundJob) -> str:
-    """Return a line that says what stays of a run that was cancelled."""
+    """Return a line that says what stays of a run that was cancelled, what was there before it, and how to go on."""
     if run.animation is None:
         return Words("Cancelled: nothing was changed")
-    if run.frames_finished == 0:
-        return Words("Cancelled: no frame was finished")
-    one = run.frames_finished == 1
-    message = "Cancelled: 1 frame is finished and stays" if one else "Cancelled: {count} frames are finished and stay"
+    finished, there = run.frames_finished, run.animation.there_already()
+    message = {0: "Cancelled: no frame was finished", 1: "Cancelled: 1 frame is finished and stays"}
+    words = Words(message.get(finished, "Cancelled: {count} frames are finished and stay"), count=finished)
+    if there:
+        before = "{cancelled}, 1 was there already" if there == 1 else "{cancelled}, {count} were there already"
+        words = Words(before, cancelled=words, count=there)
+    elif not finished:
+        return words
     how = GOES_ON_WITHOUT_OVERWRITE if run.animation.settings.existing == "overwrite" else GOES_ON
-    return Words("{cancelled}. {how}", cancelled=Words(message, count=run.frames_finished), how=Words(how))
+    return Words("{cancelled}. {how}", cancelled=words, how=Words(how))

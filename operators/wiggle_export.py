@@ -101,7 +101,10 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         return context.scene is not None and pair_in(context) is not None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Open a File Browser, with a size at which depth is seen."""
+        """Open a File Browser, with a name that says of which frame the wiggle is, and a size at which depth is
+        seen.
+        """
+        self.filepath = suggested_path(self.filepath, _stem_of(context), SUFFIXES[self.format])
         if not self.properties.is_property_set("percentage"):
             self.percentage = usual_percentage(_sides_of_pair(context) or (0, 0))
         return set(super().invoke(context, event))
@@ -156,6 +159,41 @@ def usual_percentage(sides: tuple[int, int]) -> int:
     return min(max(USUAL_PERCENTAGE, math.ceil(100.0 * LEAST_PX / max(*sides, 1))), 100)
 
 
+_suggested: set[str] = set()
+"""Names of files, without ending, that were suggested since the extension was loaded."""
+
+
+def suggested_path(last: str, stem: str, suffix: str) -> str:
+    """Return the path that the File Browser begins with. last is the one of the export before, "" at the first, whose
+    name stays where the user has typed it; stem is the name that fits the pair, with its folder, without ending.
+    """
+    path = Path(last)
+    if last and path.stem not in _suggested:
+        return last
+    _suggested.add(Path(stem).name)
+    return f"{path.with_name(Path(stem).name) if last else stem}{suffix}"
+
+
+def _stem_of(context: bpy.types.Context) -> str:
+    """Return the name that fits a wiggle of the pair that would be exported, with the folder of the .blend and without
+    ending: of an animation's frame, with its number.
+    """
+    stem = str(Path(bpy.data.filepath).with_suffix("")) if bpy.data.filepath else "untitled"
+    result = result_of(context.scene)
+    frame = None if result.delivery is None else result.delivery.frame
+    if result.animation is None or frame is None or not _is_last_result(context):
+        return stem
+    return f"{stem}_{frame:04d}"
+
+
+def _is_last_result(context: bpy.types.Context) -> bool:
+    """Return whether the pair that would be exported is the scene's last result, or multiview's to compare with it."""
+    pair, content, delivery = pair_in(context), content_now(), result_of(context.scene).delivery
+    if pair is None or pair.type != "RENDER_RESULT" or content is None or delivery is None:
+        return False
+    return content in (delivery.content, delivery.multiview)
+
+
 def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:
     """Return width and height of the pair that would be exported, in pixels; None where they are not known: Blender
     does not tell them of a Render Result that is not ours.
@@ -164,13 +202,16 @@ def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:
     if pair is None or pair.type != "RENDER_RESULT":
         sides = (0, 0) if pair is None else tuple(pair.size)
         return sides if all(sides) else None
-    result, content = result_of(context.scene), content_now()
-    delivery = result.delivery
-    if result.report is None or delivery is None or content is None:
+    result = result_of(context.scene)
+    if not _is_last_result(context):
         return None
-    if content not in (delivery.content, delivery.multiview):
-        return None
-    return tuple(result.report["size"])
+    if result.report is not None:
+        return tuple(result.report["size"])
+    assert result.delivery is not None
+    rows = () if result.animation is None else result.animation["frames"]
+    # A record of an earlier version may have no size.
+    of_frame = (row for row in rows if row["frame"] == result.delivery.frame and row.get("size"))
+    return next((tuple(row["size"]) for row in of_frame), None)
 
 
 def _export(scene: bpy.types.Scene, pair: bpy.types.Image, path: Path, percentage: float, seconds: float) -> None:

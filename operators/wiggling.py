@@ -12,6 +12,7 @@ from .pictures import image_editors, kind_of
 from .results import SlotContent
 from .slots import content_now
 from .view_images import image_of, pair_shown_in
+from .zoom_and_place import ZoomAndPlace, drawn_at, put_at
 
 WIGGLE_SECONDS = 0.2
 """Time for which each eye is shown: at 0.1 to 0.3 s the eyes are seen as one thing that turns, neither as two pictures
@@ -27,7 +28,8 @@ KINDS = ("LEFT", "RIGHT")
 @dataclass
 class _Wiggle:
     """One Image Editor that alternates: its space, the pair's image by name, the Render Result's content at the start,
-    the timer that wakes it, and when the next turn begins.
+    the timer that wakes it, when the next turn begins, and at which zoom and place both images are seen, None before
+    the second one is.
     """
 
     space: int
@@ -35,6 +37,7 @@ class _Wiggle:
     content: SlotContent | None
     timer: bpy.types.Timer
     next_turn: float
+    seen_at: ZoomAndPlace | None = None
 
 
 _wiggles: dict[int, _Wiggle] = {}
@@ -86,7 +89,7 @@ def finish(number: int) -> bool:
     wiggle = _wiggles.get(number)
     if wiggle is None:
         return False
-    area = _area_of(wiggle)
+    _, area = _editor_of(wiggle)
     forget(number)
     if area is not None and kind_of(area.spaces.active.image) is not None:
         area.spaces.active.image = pair_shown_in(area.spaces.active)
@@ -95,16 +98,17 @@ def finish(number: int) -> bool:
 
 
 def step(number: int) -> bool:
-    """Show the other eye if it is its turn. Return False if the wiggle has ended: by another button, because its editor
-    is gone or shows something else, or because another picture was rendered, in place of which the pair is shown.
+    """Show the other eye if it is its turn, at the same zoom and place. Return False if the wiggle has ended: by
+    another button, because its editor is gone or shows something else, or because another picture was rendered, in
+    place of which the pair is shown.
     """
     wiggle = _wiggles.get(number)
     if wiggle is None:
         return False
-    area = _area_of(wiggle)
+    window, area = _editor_of(wiggle)
     kind = None if area is None else kind_of(area.spaces.active.image)
     pair = bpy.data.images.get(wiggle.pair)
-    if area is None or kind not in KINDS or pair is None:
+    if window is None or area is None or kind not in KINDS or pair is None:
         forget(number)
         return False
     if wiggle.content != content_now():
@@ -116,11 +120,25 @@ def step(number: int) -> bool:
         if other is None:
             finish(number)
             return False
-        area.spaces.active.image = other
-        area.tag_redraw()
+        _show_instead(wiggle, window, area, other)
     return True
 
 
-def _area_of(wiggle: _Wiggle) -> bpy.types.Area | None:
-    """Return the area in which a wiggle's Image Editor is shown now; None if it is gone or hidden."""
-    return next((area for _, area in image_editors() if area.spaces.active.as_pointer() == wiggle.space), None)
+def _show_instead(wiggle: _Wiggle, window: bpy.types.Window, area: bpy.types.Area, other: bpy.types.Image) -> None:
+    """Show the other eye in a wiggle's editor, at the zoom and place of the one that is shown now: the user may have
+    zoomed and panned since the turn before.
+    """
+    now = drawn_at(area)
+    if wiggle.seen_at is None or not now.is_near(wiggle.seen_at, tuple(other.size)):
+        wiggle.seen_at = now
+    area.spaces.active.image = other
+    put_at(window, area, wiggle.seen_at)
+    area.tag_redraw()
+
+
+def _editor_of(wiggle: _Wiggle) -> tuple[bpy.types.Window | None, bpy.types.Area | None]:
+    """Return the window and the area in which a wiggle's Image Editor is shown now; None for both if it is gone or
+    hidden.
+    """
+    found = ((window, area) for window, area in image_editors() if area.spaces.active.as_pointer() == wiggle.space)
+    return next(found, (None, None))

@@ -33,8 +33,18 @@ LOOK_SHARE = 10.0
 """Share of a first look, which the source then takes less: most of it is the scene's sync, which the source would pay
 otherwise. It was 10 to 27 % of the source's time in previews of living-room, classroom and walking-man."""
 
-MIN_TELLING_SHARE = 0.05
-"""Share of a run, or of a stage, that must be done before its pace tells how long the rest takes."""
+MIN_TELLING_SHARE = 0.2
+"""Share of a run that must be done before its pace tells how long the rest takes: more than what comes before the
+source's own samples. A first look tells little, as most of it is the scene's sync."""
+
+MIN_TELLING_FRACTION = 0.05
+"""Fraction of a stage between two counts of its samples from which on they tell how long the stage takes. What comes
+before the first count, such as the scene's sync, would tell far too much: in a small picture it takes longer than all
+samples."""
+
+MIN_FRACTION_ALONE = 0.2
+"""Fraction of a stage from which on a first count of its samples tells so too, since what comes before is then a part
+of it that matters little."""
 
 MAX_SHOWN_FRACTION = 0.97
 """A stage that takes longer than expected is nearly over, and stays so."""
@@ -64,6 +74,10 @@ class Progress:
         self._stage = next(iter(self._expected))
         self._stage_fraction: float | None = None
         self._advanced = now
+        self._first: tuple[float, float] | None = None
+        """First fraction of the current stage that was reported, with its time."""
+        self._stage_pace: float | None = None
+        """Seconds that all samples of the current stage take; None where its counts do not tell."""
         self._shown = 0.0
         self._frame = 0
 
@@ -80,6 +94,7 @@ class Progress:
             # What a stage takes that counts nothing tells nothing of the others.
             self._started += now - self._since
         self._stage, self._since, self._stage_fraction = stage, now, None
+        self._first = self._stage_pace = None
         done = self._done_before()
         if done > 0.0:
             self._pace = (now - self._started) / done
@@ -89,10 +104,20 @@ class Progress:
         """Report how much of the current stage is done, from 0 to 1; None where that is not known."""
         self._stage_fraction, self._advanced = fraction, now
         expected = self._expected.get(self._stage, 0.0)
-        if fraction and expected > 0.0:
-            # The start of a stage says little, but the first samples how fast it goes.
-            self._tells = self._tells or fraction > MIN_TELLING_SHARE
-            self._pace = (now - self._started) / (self._done_before() + fraction * expected)
+        if fraction is None or expected == 0.0:
+            return
+        if self._first is None:
+            self._first = fraction, now
+        first, then = self._first
+        if fraction - first > MIN_TELLING_FRACTION:
+            self._stage_pace = (now - then) / (fraction - first)
+        elif fraction >= MIN_FRACTION_ALONE and self._stage_pace is None:
+            self._stage_pace = (now - self._since) / fraction
+        if self._stage_pace is not None:
+            # As it will be when the stage is over, with what came before its samples.
+            done, seconds = self._done_before() + expected, now - self._started + (1.0 - fraction) * self._stage_pace
+            self._pace = seconds / done
+            self._tells = self._tells or done >= MIN_TELLING_SHARE * sum(self._expected.values())
 
     def fraction(self, now: float) -> float:
         """Return the fraction of the run that is done, from 0 to 1, and never less than before."""
@@ -104,8 +129,11 @@ class Progress:
         """Return the seconds that the run still takes by estimate; None as long as they cannot be estimated."""
         if self._pace is None or not self._tells:
             return None
-        whole = self._frames * sum(self._expected.values())
-        return max(self._pace * (whole - self._done_before() - self._done_of_stage(now)), 0.0)
+        whole, expected = self._frames * sum(self._expected.values()), self._expected.get(self._stage, 0.0)
+        if self._stage_pace is None or expected == 0.0:
+            return max(self._pace * (whole - self._done_before() - self._done_of_stage(now)), 0.0)
+        own = self._stage_pace * (1.0 - self._done_of_stage(now) / expected)
+        return own + max(self._pace * (whole - self._done_before() - expected), 0.0)
 
     def _done_before(self) -> float:
         """Return the expected time of all frames and stages before the current one, in the unit of the expected
@@ -119,11 +147,21 @@ class Progress:
         or the time since the stage began; by the time alone never all of it."""
         expected = self._expected.get(self._stage, 0.0)
         known, since = (0.0, self._since) if self._stage_fraction is None else (self._stage_fraction, self._advanced)
-        if self._pace is None or expected == 0.0 or not (self._tells or self._stage_fraction):
+        seconds = self._seconds_of_stage()
+        if seconds is None or expected == 0.0:
             # What comes before the first render goes at a pace of its own.
             return expected * min(known, 1.0)
-        by_time = known + (now - since) / (self._pace * expected) if self._pace > 0.0 else known
+        by_time = known + (now - since) / seconds if seconds > 0.0 else known
         return expected * min(max(known, min(by_time, MAX_SHOWN_FRACTION)), 1.0)
+
+    def _seconds_of_stage(self) -> float | None:
+        """Return the seconds that the current stage takes, as far as the bar is moved by the clock between two reports;
+        None before anything is known of them."""
+        if self._stage_pace is not None:
+            return self._stage_pace
+        if self._stage_fraction:
+            return (self._advanced - self._since) / self._stage_fraction
+        return self._pace * self._expected.get(self._stage, 0.0) if self._pace is not None and self._tells else None
 
 
 def left_words(seconds: float) -> str:

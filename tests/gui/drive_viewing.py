@@ -36,6 +36,9 @@ MODES = ("ANAGLYPH", "LEFT", "RIGHT", "SIDE_BY_SIDE", "CROSS_EYED")
 
 PREVIEW_PERCENT = 25
 
+LOOKS = 8
+"""Looks at where an eye is in a wiggle, at least."""
+
 SHOTS = 6
 """Pictures that are taken of a wiggle: so many that not all of them fall on one eye."""
 
@@ -97,6 +100,42 @@ def render_and_compare():
     facts["editor"] = [region.x, region.y, region.width, region.height]
 
 
+def seen_at():
+    """Where the corners of the picture are in the editor, in pixels, as it was drawn last."""
+    view = region_of("IMAGE_EDITOR", "WINDOW").view2d
+    corners = [view.view_to_region(corner, corner, clip=False) for corner in (0.0, 1.0)]
+    return [*corners[0], *corners[1]]
+
+
+def wiggle_after_one_eye():
+    """Left was pressed before, and Right never: Blender 5 shows an image at 100 % when it is shown for the first time.
+    Then the user zooms and pans meanwhile."""
+    yield from click("IMAGE_EDITOR", "UI", "show_view(mode='LEFT')")
+    yield from redrawn()
+    yield from click("IMAGE_EDITOR", "UI", "stereo_reproject.wiggle()")
+    over_the_picture()
+    facts["eyes_at"] = []
+    for name in ("first", "moved"):
+        yield from watch_turns(3)
+        places = []
+        while len(places) < LOOKS or len({seen[0] for seen in places}) < 2:
+            eye = shown()[0]
+            # What the editor draws is known only after that.
+            yield 0.05
+            if shown()[0] == eye:
+                if eye not in [seen[0] for seen in places]:
+                    shoot(f"{name}_{eye.rpartition(' ')[2].lower()}")
+                places.append([eye, *seen_at(), space().zoom[0]])
+            yield 0.05
+        facts["eyes_at"].append(places)
+        press("WHEELUPMOUSE")
+        with in_editor():
+            bpy.ops.image.view_pan(offset=(12.0, 7.0))
+        yield from redrawn()
+    press("ESC")
+    yield from until(lambda: shown()[1] != "WIGGLE", "Esc does not end it")
+
+
 def look_in_every_mode():
     """By its button; the mouse goes out of the way before the picture is taken. The Render Result is fitted first, as
     the others are by their buttons."""
@@ -109,9 +148,7 @@ def look_in_every_mode():
         yield from redrawn()
         facts["modes"][mode] = [*shown(), space().zoom[0]]
         facts["widths"] = {**facts.get("widths", {}), mode: space().zoom[0] * space().image.size[0]}
-        view = region_of("IMAGE_EDITOR", "WINDOW").view2d
-        corners = [view.view_to_region(corner, corner, clip=False) for corner in (0.0, 1.0)]
-        facts["places"][mode.lower()] = [*corners[0], *corners[1]]
+        facts["places"][mode.lower()] = seen_at()
         shoot(mode.lower())
     facts["dirty"] = [image.name for image in bpy.data.images if image.is_dirty]
 
@@ -190,6 +227,15 @@ def fit_beside_the_sidebar():
     sidebar, region = region_of("IMAGE_EDITOR", "UI"), region_of("IMAGE_EDITOR", "WINDOW")
     facts["beside the sidebar"] = [space().zoom[0] * space().image.size[0], sidebar.x - region.x, region.width]
     shoot("beside_the_sidebar")
+    # A scale at which the sidebar covers half of the editor.
+    bpy.context.preferences.view.ui_scale = 1.9
+    yield from redrawn()
+    importlib.import_module(f"{MODULE}.operators.pictures").fit_editor(window(), area_of("IMAGE_EDITOR"))
+    yield from redrawn()
+    sidebar, region = region_of("IMAGE_EDITOR", "UI"), region_of("IMAGE_EDITOR", "WINDOW")
+    facts["under a wide sidebar"] = [space().zoom[0] * space().image.size[0], sidebar.x - region.x, region.width]
+    shoot("under_a_wide_sidebar")
+    bpy.context.preferences.view.ui_scale = 1.0
     bpy.context.preferences.system.use_region_overlap = False
     yield from redrawn()
 
@@ -232,6 +278,31 @@ def flip_to_multiview():
     press("J")
     yield from redrawn()
     facts["after_j_again"] = slots.active_index
+
+
+def turn_to_an_empty_slot():
+    """By the header's menu of slots, beside a panel in another editor, which then says the same as the tab here."""
+    yield from click("IMAGE_EDITOR", "UI", "show_view(mode='ANAGLYPH')")
+    looking = importlib.import_module(f"{MODULE}.operators.looking")
+    slots, panels = (importlib.import_module(f"{MODULE}.operators.{name}") for name in ("slots", "panels"))
+    draw, drawn = panels.draw_modes_elsewhere, []
+
+    def note(*arguments):
+        drawn.append([looking.mode_elsewhere(), slots.content_now().place])
+        draw(*arguments)
+
+    panels.draw_modes_elsewhere = note
+    area_of("PROPERTIES").spaces.active.context = "OUTPUT"
+    yield from redrawn()
+    places = bpy.data.images["Render Result"].render_slots
+    before, empty = places.active_index, 3
+    facts["elsewhere"] = [[before, drawn[-1]]]
+    for place in (empty, before):
+        places.active_index = place
+        yield from redrawn()
+        facts["elsewhere"].append([place, drawn[-1], shown()[1]])
+        shoot(f"slot_{'empty' if place == empty else 'pair'}")
+    panels.draw_modes_elsewhere = draw
 
 
 def render_again_side_by_side():
@@ -330,12 +401,14 @@ STEPS = (
     set_up,
     open_the_tab,
     render_and_compare,
+    wiggle_after_one_eye,
     look_in_every_mode,
     wiggle,
     end_wiggles_by_buttons,
     look_from_elsewhere,
     fit_beside_the_sidebar,
     flip_to_multiview,
+    turn_to_an_empty_slot,
     render_again_side_by_side,
     wiggle_until_a_render,
     export,

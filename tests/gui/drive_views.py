@@ -126,6 +126,9 @@ def look_at_the_quilt():
     yield from redrawn()
     image = area_of("IMAGE_EDITOR").spaces.active.image
     facts["shown"] = [image.name, list(image.size)]
+    region = region_of("IMAGE_EDITOR", "WINDOW")
+    corners = [region.view2d.view_to_region(corner, corner, clip=False) for corner in (0.0, 1.0)]
+    facts["place"] = [*corners[0], *corners[1], region.width, region.height]
     shoot("quilt")
 
 

@@ -83,6 +83,12 @@ def test_the_sidebar_covers_nothing_of_a_pair_that_is_fitted(facts):
     assert 0.9 * free < width <= free + 1.0
 
 
+def test_under_a_sidebar_that_leaves_little_a_picture_is_fitted_to_the_whole_editor(facts):
+    width, free, whole = facts["under a wide sidebar"]
+    assert free < 0.6 * whole
+    assert free < width <= whole
+
+
 def test_each_picture_is_fitted_to_the_editor(facts):
     """Blender 5 draws an image for the first time at 100 %, which is small here."""
     widths = facts["widths"]
@@ -127,6 +133,24 @@ def test_a_wiggle_alternates_in_its_time_and_the_window_lives(facts):
     first, *others = (editor(facts, path.stem) for path in sorted(SEEN.glob("wiggle_*.png")))
     apart = [min(np.abs(other - first).mean(axis=(0, 1))) for other in others]
     assert max(apart) > FRINGES
+
+
+def test_a_panel_elsewhere_says_of_a_slot_what_the_tab_here_says(facts):
+    (pair, (mode, place)), *turned = facts["elsewhere"]
+    assert (mode, place) == ("ANAGLYPH", pair)
+    assert [found[0] for found in turned] == [3, pair]
+    for place, drawn, here in turned:
+        assert drawn == [here, place]
+
+
+def test_a_wiggle_shows_both_eyes_at_the_same_zoom_and_place(facts):
+    """Also where the right eye was never shown before, and after the user has zoomed and panned."""
+    (first, *_), (moved, *_) = facts["eyes_at"]
+    for places in facts["eyes_at"]:
+        assert {eye for eye, *_ in places} == {"Stereo Left", "Stereo Right"}
+        assert len({tuple(place) for _, *place in places}) == 1, places
+    assert moved[-1] > first[-1] > 1.0
+    assert moved[1] < first[1]
 
 
 def test_escape_ends_a_wiggle_and_leaves_none_of_its_images(facts):

@@ -9,6 +9,12 @@ SEEN = DRIVERS / "drive_views"
 
 PICTURES = ["panel", "cone", "cone through the camera", "eevee", "other", "running", "quilt", "verdict"]
 
+FIT_TOLERANCE = 0.05
+"""Share of the editor that Blender leaves free around a picture that is fitted to it, at most."""
+
+MIDDLE_PX = 2.0
+"""Pixels between the picture's middle and the editor's, at most: Blender cuts zoomed sides off to whole ones."""
+
 pytestmark = needs_a_window
 
 
@@ -46,6 +52,13 @@ def test_progress_goes_from_view_to_view(facts):
 
 def test_the_quilt_is_shown(facts):
     assert facts["shown"] == ["Stereo Quilt", [4 * 240, 3 * 180]]
+
+
+def test_the_quilt_is_fitted_to_the_editor(facts):
+    left, bottom, right, top, width, height = facts["place"]
+    assert max((right - left) / width, (top - bottom) / height) == pytest.approx(1.0, abs=FIT_TOLERANCE)
+    assert left + right == pytest.approx(width, abs=2.0 * MIDDLE_PX)
+    assert bottom + top == pytest.approx(height, abs=2.0 * MIDDLE_PX)
 
 
 def test_the_pictures_are_of_different_things(facts):

@@ -14,15 +14,42 @@ def test_nothing_is_said_of_the_time_before_anything_tells():
 
 
 def test_a_small_part_of_a_run_does_not_tell_how_long_the_rest_takes():
-    """Loading and looking at the scene are no measure of rendering; a first look, which syncs the scene, is."""
+    """Loading, looking at the scene, and a first look, most of which is the scene's sync: none measures rendering."""
     progress = Progress(0.0, with_look(USUAL["render"]))
     for stage, now in (("load", 1.0), ("plan", 5.0), ("look", 6.0)):
         progress.begin(stage, now)
         assert progress.remaining(now) is None
+    for fraction, now in ((0.0, 14.0), (1.0, 15.0)):
+        progress.advance(fraction, now)
+        assert progress.remaining(now) is None
     progress.begin("source", 16.0)
-    whole, done = sum(USUAL["render"].values()), 1.0 + with_look(USUAL["render"])["look"]
-    # 11 seconds since the file was loaded.
-    assert progress.remaining(16.0) == pytest.approx(11.0 * (whole - done) / done)
+    assert progress.remaining(16.0) is None
+
+
+def test_what_comes_before_the_samples_does_not_count_as_their_time():
+    """Twelve seconds of sync, and then two seconds for each of eight samples."""
+    progress = Progress(0.0, {"source": 80.0, "fill": 20.0})
+    progress.begin("source", 0.0)
+    progress.advance(1 / 8, 14.0)
+    assert progress.remaining(14.0) is None
+    for sample in range(2, 9):
+        now = 12.0 + 2.0 * sample
+        progress.advance(sample / 8, now)
+        # The source takes 28 seconds in all, and the rest a fourth of that.
+        assert progress.remaining(now) == pytest.approx(28.0 - now + 7.0)
+    progress.begin("fill", 28.0)
+    assert progress.remaining(28.0) == pytest.approx(7.0)
+
+
+def test_samples_of_a_run_whose_seconds_are_known_leave_those_of_the_rest():
+    progress = Progress(0.0, {"source": 30.0, "fill": 10.0}, in_seconds=True)
+    progress.begin("source", 0.0)
+    assert progress.remaining(10.0) == pytest.approx(30.0)
+    # It syncs for 15 seconds, as it did before.
+    progress.advance(1 / 15, 16.0)
+    assert progress.remaining(16.0) == pytest.approx(38.0), "one count alone does not tell"
+    progress.advance(3 / 15, 18.0)
+    assert progress.remaining(18.0) == pytest.approx(12.0 + 10.0)
 
 
 def test_a_run_as_expected_counts_down_evenly():

@@ -262,6 +262,20 @@ def test_the_planes_are_where_comfort_ends(extension, scene):
     assert "Far" not in [plane.name for plane in planes_of(scene)]
 
 
+@pytest.mark.parametrize("mode", ["OFFAXIS", "TOE"])
+def test_eyes_in_the_same_place_have_their_screen_and_no_comfort_zone(extension, scene, mode):
+    from stereo_reproject_extension.operators.depth_view import arrow_base, planes_of
+
+    stereo = scene.camera.data.stereo
+    stereo.convergence_mode, stereo.convergence_distance, stereo.interocular_distance = mode, 5.5, 0.0
+    (screen,) = planes_of(scene)
+    assert screen.name == "Screen"
+    np.testing.assert_allclose(screen.corners[:, 2], -5.5, rtol=1e-5)
+    assert arrow_base(scene) is not None
+    stereo.convergence_mode = "PARALLEL"
+    assert planes_of(scene) == []
+
+
 def test_the_eyedropper_sees_the_picture_s_depth(extension, scene):
     from stereo_reproject_extension.operators.screen_here import _depth_in_picture
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
@@ -207,6 +208,29 @@ def test_of_another_render_the_export_names_no_pixels(pair):
     assert _sides_of_pair(bpy.context) == SIZE
     bpy.ops.render.render()
     assert _sides_of_pair(bpy.context) is None
+
+
+def test_of_an_animation_s_frame_the_export_knows_size_and_number(extension, scene, tmp_path):
+    from stereo_reproject_extension.operators.wiggle_export import _sides_of_pair, _stem_of
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "film.blend"))
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 12, 12
+    scene.render.filepath = str(tmp_path / "shots" / "shot_")
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    assert _sides_of_pair(bpy.context) == SIZE
+    assert _stem_of(bpy.context) == str(tmp_path / "film_0012")
+    bpy.ops.render.render()
+    assert _sides_of_pair(bpy.context) is None
+    assert _stem_of(bpy.context) == str(tmp_path / "film")
+
+
+def test_a_name_that_was_typed_stays_and_a_suggested_one_follows_the_frame(extension):
+    from stereo_reproject_extension.operators.wiggle_export import suggested_path
+
+    assert suggested_path("", "/a/film_0012", ".gif") == "/a/film_0012.gif"
+    assert suggested_path("/b/film_0012.mp4", "/a/film_0020", ".gif") == str(Path("/b/film_0020.gif"))
+    assert suggested_path("/b/mine.gif", "/a/film_0021", ".gif") == "/b/mine.gif"
 
 
 def test_the_button_of_the_picture_that_is_shown_is_pressed(pair):

@@ -123,7 +123,7 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
 
     told, so_far = run.BackgroundJob._on_event, []
     monkeypatch.setattr(
-        run.BackgroundJob, "_on_event", lambda self, event: (told(self, event), so_far.append(self.saved))
+        run.BackgroundJob, "_on_event", lambda self, event: (told(self, event), so_far.append(len(self.savings)))
     )
     before = everything()
     assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
@@ -140,7 +140,7 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
     assert sorted(told) == sorted(["shots/film_animation.json", *records])
     assert {name.partition("/")[0] for name in written} == {"shots", "nodes"}
     assert sorted(path.name for path in place.iterdir()) == ["project"]
-    assert [type(seconds) for seconds in dict.fromkeys(so_far)] == [type(None), float, float]
+    assert list(dict.fromkeys(so_far)) == [0, 1, 2]
     _, saved = verdicts_on(animated, result_of(animated))
     assert re.fullmatch(r"2 frames, (.* saved|No time saved.*)", saved.words)
     assert result_of(animated).delivery.content.name == "Slot 1"
@@ -186,6 +186,44 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     assert sorted(path.name for path in shots.glob("film_0*")) == [
         f"film_000{frame}_{view}.png" for frame in (1, 2) for view in "LR"
     ]
+
+
+def test_an_animation_that_goes_on_says_of_which_frames_its_numbers_are(extension, animated, place, monkeypatch, capfd):
+    from stereo_reproject_extension.operators import results, run, run_words
+    from stereo_reproject_extension.operators.drawing import verdicts_on
+
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    result = results.result_of(animated)
+    first_saved = result.new_totals["multiview_seconds"]
+    assert verdicts_on(animated, result)[-1].words.startswith("2 frames, ")
+    animated.frame_end, animated.render.use_overwrite = 3, False
+
+    told, so_far = run.BackgroundJob._on_event, []
+
+    def cancel_in_the_third(self, event):
+        told(self, event)
+        if event.get("stage") == "source":
+            self.cancel()
+
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", cancel_in_the_third)
+    assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
+    goes_on = "Render Animation goes on with the others"
+    assert result.ended == f"Cancelled: no frame was finished, 2 were there already. {goes_on}"
+
+    monkeypatch.setattr(
+        run.BackgroundJob,
+        "_on_event",
+        lambda self, event: (told(self, event), so_far.append(run_words.saved_so_far(self))),
+    )
+    capfd.readouterr()
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    assert re.search(r"1 stereo frame rendered, [^;]*; 2 were there already: ", capfd.readouterr().out)
+    assert so_far[-1].endswith(" so far by 1 frame")
+    of_run, of_all = (verdict.words for verdict in verdicts_on(animated, result)[-2:])
+    assert of_run.startswith("1 frame rendered now, ")
+    assert of_all.startswith("3 frames in all, ")
+    everything_saved = result.animation["totals"]["multiview_seconds"]
+    assert everything_saved == pytest.approx(result.new_totals["multiview_seconds"] + first_saved)
 
 
 @pytest.mark.parametrize("stage", ["plan", "source", "fill"])

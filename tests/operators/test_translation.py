@@ -14,8 +14,8 @@ TABLE = {
     "Error (1 = only noise)": "Fehler (1 = nur Rauschen)",
     "Only Cycles and EEVEE can be reprojected: choose one in Render properties.": "Nur Cycles und EEVEE",
     "Predicted: {gain} times as fast as multiview": "{gain}-mal so schnell",
-    "1 stereo frame rendered": "Ein Stereobild",
-    "{count} stereo frames rendered": "{count} Stereobilder",
+    "1 stereo frame rendered, {saved}": "Ein Stereobild: {saved}",
+    "{count} stereo frames rendered, {saved}": "{count} Stereobilder: {saved}",
     "{end}: {side} ({pixels} px)": "{end}: {side}, {pixels} Pixel",
     "Nearest": "Nächster",
     "{percent} % in front": "{percent} % davor",
@@ -25,7 +25,7 @@ TABLE = {
     "Frame {frame} ({place} of {count})": "Bild {frame}, {place}/{count}",
     "{share}, {left}": "{share}, {left}",
     "{time} left": "noch {time}",
-    "{saved} so far": "bisher {saved}",
+    "{saved} so far by {count} frames": "bisher {saved} mit {count} Bildern",
     "Cancelled: {count} frames are finished and stay": "Abgebrochen: {count} Bilder bleiben",
     "To go on with the others, switch off Overwrite in Output first": "Dazu erst Überschreiben ausschalten",
     "Ending": "Endet",
@@ -125,9 +125,8 @@ def test_one_and_many_have_messages_of_their_own(german, count, expected):
     from stereo_reproject_extension.operators.render import _words_of_animation
     from stereo_reproject_extension.operators.text import reported
 
-    totals = {"multiview_seconds": 1.0, "seconds": 1.0}
-    report = {"rendered": count, "there_already": [], "files": ["a.png"], "totals": totals}
-    assert reported(_words_of_animation(report, "", "")).startswith(f"{expected}: a.png. ")
+    report = {"there_already": [], "files": ["a.png"]}
+    assert reported(_words_of_animation(report, count, 190.0, "", "")) == f"{expected}: 3 min 10 s gespart: a.png"
 
 
 def test_sides_of_the_screen_are_translated(german):
@@ -156,8 +155,10 @@ def test_the_report_of_a_measurement_is_translated(german):
 class AnimationUnderWay:
     """A run at its third frame of four, as `run_words` reads it."""
 
-    animation = SimpleNamespace(frames=range(11, 15), settings=SimpleNamespace(existing="overwrite"))
-    detail, stage, saved, frames_finished, is_ending = "frame 13", "fill", 190.0, 2, False
+    animation = SimpleNamespace(
+        frames=range(11, 15), settings=SimpleNamespace(existing="overwrite"), there_already=lambda: 0
+    )
+    detail, stage, savings, frames_finished, is_ending = "frame 13", "fill", (100.0, 90.0), 2, False
     stage_words = MappingProxyType({})
 
     def far(self):
@@ -170,7 +171,7 @@ def test_progress_is_translated(german):
 
     run = AnimationUnderWay()
     assert shown(progress_of(run)[1]) == "50 %, noch 42 s (Bild 13, 3/4)"
-    assert shown(stage_of(run)).endswith(", bisher 3 min 10 s gespart")
+    assert shown(stage_of(run)).endswith(", bisher 3 min 10 s gespart mit 2 Bildern")
     how = reported("To go on with the others, switch off Overwrite in Output first")
     assert reported(cancelled_words(run)) == f"Abgebrochen: 2 Bilder bleiben. {how}"
     assert how.startswith("Dazu")

@@ -1,0 +1,66 @@
+"""Zoom and place of the picture in an Image Editor, for pictures that are to be seen exactly where another one was.
+
+In Blender 5 an image that is shown for the first time is seen at 100 %; before, an editor kept both whatever it showed.
+The place is not in Blender's Python: it follows from what was drawn last.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+
+from .run import job_has_thread
+
+LEAST_VERSION = (5, 0, 0)
+"""Version of Blender from which on zoom and place may be others when another image is shown."""
+
+SAME_PX = 1.5
+"""Pixels of the screen by which a picture's corner is moved, at most, that is where it was: Blender draws on whole
+ones."""
+
+
+class ZoomAndPlace(NamedTuple):
+    """Zoom of a picture, in pixels of the screen for each of the picture's, and what of it is in the middle of the
+    editor, from 0 to 1, from the left and from below.
+    """
+
+    zoom: float
+    x: float
+    y: float
+
+    def is_near(self, other: ZoomAndPlace, size: tuple[int, int]) -> bool:
+        """Return whether a picture of this size in pixels is seen alike with both."""
+        moved = [abs(mine - its) * side for mine, its, side in zip(self[1:], other[1:], size, strict=True)]
+        wider = abs(self.zoom - other.zoom) * max(size)
+        return max(self.zoom * max(moved), wider) < SAME_PX
+
+
+def drawn_at(area: bpy.types.Area) -> ZoomAndPlace:
+    """Return zoom and place of the picture in an Image Editor as it was drawn last."""
+    region = _region_of(area)
+    # Blender counts from the middle of the first pixel to that of the last one.
+    middle = 0.5 * (region.width - 1), 0.5 * (region.height - 1)
+    x, y = region.view2d.region_to_view(*middle)  # pyright: ignore[reportGeneralTypeIssues] - the stubs' arrays are none
+    return ZoomAndPlace(area.spaces.active.zoom_percentage / 100.0, x, y)
+
+
+def put_at(window: bpy.types.Window, area: bpy.types.Area, at: ZoomAndPlace) -> None:
+    """Have the picture of an Image Editor, which may not have been drawn yet, seen at this zoom and place; while a job
+    runs, only at this zoom, see `zoom_to_fit` in `pictures`. Do nothing where Blender does so by itself.
+    """
+    if bpy.app.version < LEAST_VERSION:
+        return
+    space = area.spaces.active
+    if not job_has_thread():
+        width, height = space.image.size
+        with bpy.context.temp_override(window=window, area=area, region=_region_of(area)):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+            # It puts the picture's middle into that of the editor, wherever it was.
+            bpy.ops.image.view_all(fit_view=True)
+            bpy.ops.image.view_pan(offset=((at.x - 0.5) * width, (at.y - 0.5) * height))
+    space.zoom_percentage = 100.0 * at.zoom
+
+
+def _region_of(area: bpy.types.Area) -> bpy.types.Region:
+    """Return the region of an Image Editor in which the picture is."""
+    return next(region for region in area.regions if region.type == "WINDOW")
