@@ -218,11 +218,14 @@ def scenes_parser(description: str) -> argparse.ArgumentParser:
 
 
 def parse_scenes(
-    parser: argparse.ArgumentParser, arguments: Sequence[str] | None, known: Collection[str] = SCENES
+    parser: argparse.ArgumentParser,
+    arguments: Sequence[str] | None,
+    known: Collection[str] = SCENES,
+    default: Collection[str] | None = None,
 ) -> argparse.Namespace:
-    """The options, with all known scenes where none is named."""
+    """The options, with the default scenes where none is named: all that are known, unless others are given."""
     options = parser.parse_args(arguments)
-    options.names = options.names or list(known)
+    options.names = options.names or list(known if default is None else default)
     unknown = [name for name in options.names if name not in known]
     if unknown:
         parser.error(f"unknown scene {unknown[0]!r}: known are {', '.join(known)}")

@@ -40,6 +40,7 @@ from stereo_reproject.holes.tuning import HoleTuning
 from stereo_reproject.images.metrics import honest_ratio, noise_ratio, worst_tiles, wrong_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.images.seen_light import display_scale, scaled_colour, scaled_light
+from stereo_reproject.pipeline.warping import interpolations_of
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy, for_size
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
@@ -49,7 +50,8 @@ from stereo_reproject.views.view import Rig
 from stereo_reproject.warp.composite import replace_non_finite
 from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.rendered_view import RenderedView
-from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
+from tests.bench.coverage import REFERENCE_SEED, SCENES, overrides, own_output, parse_scenes, scenes_parser
+from tests.bench.performance.plan import EYES
 from tests.bench.tuning import in_use
 
 SHIPPED = SETTINGS["balanced"]
@@ -94,7 +96,6 @@ class Knob:
 
 KNOBS = (
     Knob("probe_spacing", (6, 8, 12, 16)),
-    Knob("frame_reach_tiles", (1, 2, 3)),
     Knob("even_probe_chance", (1.0, 0.5, 0.2)),
     Knob("promise_margin_sigmas", (0.0, 0.5, 1.0)),
     Knob("tile_limit", (1.25, 1.5, 2.0)),
@@ -206,7 +207,7 @@ def prepare(
             views[settings.target],
             SHIPPED,
             optics=Optics(renderer.lens, renderer.volumes),
-            options=WarpOptions(settings.grid_threshold),
+            options=WarpOptions(settings.grid_threshold, *interpolations_of(settings.interpolation, denoised=False)),
         )
     return Scene(name, warped, targets, scale, needs_probes)
 
@@ -299,7 +300,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     promising = [name for name, accuracy in SETTINGS.items() if accuracy.promise is not None]
     parser.add_argument("--accuracy", choices=promising, default="balanced")
     parser.add_argument("--seeds", type=int, default=4, help="targets per scene and value")
-    return parse_scenes(parser, arguments)
+    return parse_scenes(parser, arguments, EYES, SCENES)
 
 
 def measure(options: argparse.Namespace, tell: Callable[[str], None]) -> list[Outcome]:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import operator
 from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_reproject.blender.commands.compare import MultiviewReference, flips
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.blender.scene.working import working_scene
-from stereo_reproject.images.metrics import tone
+from stereo_reproject.images.metrics import judged
+from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.pipeline.stereo_frame import StereoFrame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
@@ -26,15 +29,16 @@ PLAIN_SEEDS = (101, 102, 103, 104)
 
 
 def measured_noise_ratio(ours: NDArray, renders: NDArray, *, where: NDArray[np.bool_] | None = None) -> float:
-    """rmse(ours, A) / rmse(B, A), A and B running over all the plain `renders` (N, H, W, 3) and all pairs of them.
+    """rmse(ours, A) / rmse(B, A), A and B running over all the plain `renders` (N, H, W, C) and all pairs of them.
 
-    ours (H, W, 3). Only pixels in `where` (H, W) count. The expectation is that of `metrics.noise_ratio`,
-    sqrt((bias^2 + var(ours) + var) / 2 var), and both terms are averaged over more noise.
+    ours (H, W, C), C >= 3; alpha counts where the pictures have it. Only pixels in `where` (H, W) count. The
+    expectation is that of `metrics.noise_ratio`, sqrt((bias^2 + var(ours) + var) / 2 var), and both terms are averaged
+    over more noise.
     """
     where = np.ones(ours.shape[:2], bool) if where is None else where
-    plain = tone(renders)[:, where].astype(np.float64)
+    plain = judged(renders)[:, where].astype(np.float64)
     variance = plain.var(axis=0, ddof=1).mean()
-    from_mean = np.mean((tone(ours)[where] - plain.mean(axis=0)) ** 2)
+    from_mean = np.mean((judged(ours)[where] - plain.mean(axis=0)) ** 2)
     error = from_mean + variance * (1.0 - 1.0 / len(plain))
     if variance == 0.0:
         return 1.0 if error == 0.0 else math.inf
@@ -44,27 +48,47 @@ def measured_noise_ratio(ours: NDArray, renders: NDArray, *, where: NDArray[np.b
 def measured_honest_ratio(
     ours: NDArray, renders: NDArray, variance_share: NDArray, *, where: NDArray[np.bool_] | None = None
 ) -> float:
-    """`metrics.honest_ratio` of ours (H, W, 3), over all the plain `renders` (N, H, W, 3) and all pairs of them.
+    """`metrics.honest_ratio` of ours (H, W, C), over all the plain `renders` (N, H, W, C) and all pairs of them.
 
-    variance_share (H, W) is that of the frame. With m the mean of N renders and v their variance, (ours - m)^2 has the
-    mean bias^2 + share v + v / N. Only pixels in `where` (H, W) count.
+    Alpha counts where the pictures have it. variance_share (H, W) is that of the frame. With m the mean of N renders
+    and v their variance, (ours - m)^2 has the mean bias^2 + share v + v / N. Only pixels in `where` (H, W) count.
     """
     where = np.ones(ours.shape[:2], bool) if where is None else where
-    plain = tone(renders)[:, where].astype(np.float64)
+    plain = judged(renders)[:, where].astype(np.float64)
     variance = plain.var(axis=0, ddof=1)
     expected = (variance_share[where][:, None] + 1.0 / len(plain)) * variance
-    squared = np.mean((tone(ours)[where] - plain.mean(axis=0)) ** 2 - expected)
+    squared = np.mean((judged(ours)[where] - plain.mean(axis=0)) ** 2 - expected)
     return math.sqrt(max(1.0 + 0.5 * squared / variance.mean(), 0.0))
 
 
 def plain_renders(
-    scene: bpy.types.Scene, folder: Path, *, view: str = TARGET, seeds: tuple[int, ...] = PLAIN_SEEDS
+    scene: bpy.types.Scene,
+    folder: Path,
+    *,
+    view: str = TARGET,
+    seeds: tuple[int, ...] = PLAIN_SEEDS,
+    alpha: bool = False,
 ) -> NDArray[np.float32]:
-    """(N, H, W, 3): the view as Blender's own multiview renders it, once per seed; the scene's seed stays."""
-    before = scene.cycles.seed
-    renders = [colour(render_plain(scene, folder, seed=seed, views=(view,))[view]) for seed in seeds]
+    """(N, H, W, 3), or with alpha (N, H, W, 4): the view as Blender's own multiview renders it, once per seed; the
+    scene's seed stays."""
+    before, read = scene.cycles.seed, operator.itemgetter(COLOUR_PASS) if alpha else colour
+    renders = [read(render_plain(scene, folder, seed=seed, views=(view,))[view]) for seed in seeds]
     scene.cycles.seed = before
     return np.stack(renders)
+
+
+def measured_flip_ratio(
+    scene: bpy.types.Scene, frame: StereoFrame, renders: NDArray[np.float32], folder: Path
+) -> float:
+    """FLIP of the frame's target over that between the first two plain `renders` (N, H, W, 4), as `--compare` has it.
+
+    It must not be missing: `flips` would then return None.
+    """
+    rendered = MultiviewReference("CYCLES", 0.0, renders[0], renders[1], frame.light_scale)
+    flip, noise_flip = flips(scene, StereoSettings(), frame.eyes[TARGET][COLOUR_PASS], rendered, folder)
+    assert flip is not None
+    assert noise_flip is not None
+    return flip / noise_flip
 
 
 def render_frame(scene: bpy.types.Scene, folder: Path, **settings) -> StereoFrame:

@@ -1,4 +1,4 @@
-"""Scenes that other people made: a pair at the price of noise, and no scene that stops us."""
+"""Scenes that other people made: pairs as good as rendered again, by honest ratio, alpha and FLIP."""
 
 import json
 import os
@@ -6,7 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from stereo_reproject.images.exr import read_channels
+from stereo_reproject.settings.accuracy import SETTINGS
 
 pytestmark = pytest.mark.slow
 
@@ -14,6 +18,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 SECONDS = 200.0
 """Far more than any of these runs takes."""
+
+PROMISE = SETTINGS["balanced"].promise
+"""Of the honest ratio."""
+
+FLIP_RATIO = 1.05
+"""FLIP over that of a second plain render may be as much at most."""
 
 NOISE_RATIO = 1.05
 """The highest that is promised for these scenes, at 960 x 540 with 64 samples. Here edges are a larger share of the
@@ -55,6 +65,8 @@ def test_an_interior_is_as_good_as_rendered(shared_scenes, tmp_path, name, conve
         "--no-denoise",
     ]
     report = render(shared_scenes, name, tmp_path, *options, "--source", source, "--fill", "packed", "--compare")
+    assert report["compare"]["honest_ratio"] <= PROMISE
+    assert report["compare"]["flip_ratio"] <= FLIP_RATIO
     assert report["compare"]["noise_ratio"] <= NOISE_RATIO
     assert report["compare"]["worst_tiles"] <= WORST_TILES
     assert report["fractions"]["rerendered"] < 0.5
@@ -85,7 +97,8 @@ def test_the_mirror_of_a_bathroom_is_put_right(shared_scenes, tmp_path):
         ratios[accuracy] = report["compare"]["noise_ratio"]
     # Warped by where its image stands, it is right before anything is traced for it.
     assert max(ratios.values()) <= MIRROR_NOISE_RATIO
-    assert report["compare"]["honest_ratio"] <= MIRROR_NOISE_RATIO
+    assert report["compare"]["honest_ratio"] <= PROMISE
+    assert report["compare"]["flip_ratio"] <= FLIP_RATIO
     assert report["fractions"]["rerendered"] < 0.3
     assert report["estimate"]["low"] <= report["estimate"]["noise_ratio"] <= report["estimate"]["high"]
 
@@ -102,9 +115,16 @@ HARD = {
     "bmw27": ("0.28", "14"),
 }
 
+NOISELESS_FLIP_RATIO = {"broken-window": 1.5}
+"""Its glass shows a picture that has next to no noise, over which any error is many times as much: 1.31 to 1.45 were
+measured at all sizes, and the docs say that this mark is missed."""
+
+OPAQUE = 0.5 / 255.0
+"""From 1, that alpha may be off before a film that is not transparent: what no 8-bit picture shows."""
+
 
 @pytest.mark.parametrize("name", HARD)
-def test_a_hard_scene_runs(shared_scenes, tmp_path, name):
+def test_a_hard_scene_is_as_good_as_rendered(shared_scenes, tmp_path, name):
     interocular, convergence = HARD[name]
     options = [
         "--interocular",
@@ -112,13 +132,19 @@ def test_a_hard_scene_runs(shared_scenes, tmp_path, name):
         "--convergence",
         convergence,
         "--size",
-        "160x90",
+        "256x144",
         "--samples",
-        "4",
+        "16",
         "--no-denoise",
+        "--compare",
     ]
     report = render(shared_scenes, name, tmp_path, *options)
-    assert report["size"] == [160, 90]
+    compare = report["compare"]
+    assert compare["honest_ratio"] <= PROMISE
+    assert compare["flip_ratio"] <= NOISELESS_FLIP_RATIO.get(name, FLIP_RATIO)
+    for eye in ("left", "right"):
+        alpha = read_channels(tmp_path / f"{eye}.exr")["A"]
+        assert np.abs(alpha - 1.0).max() <= OPAQUE
 
 
 def test_an_animated_scene_renders_the_frame_that_was_asked_for(shared_scenes, tmp_path):

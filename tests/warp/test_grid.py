@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.views.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.warp.grid import CELL_QUADS, build_grid, lattice_depth
+from stereo_reproject.warp.options import WarpOptions
 from tests.warp.analytic import stereo_rig
 
 IPD = 0.1
@@ -116,6 +118,17 @@ def test_the_threshold_is_in_arc_minutes_and_not_subdivided_when_met(threshold):
         depth = np.full((64, 64), far)
         depth[24, 24] = 0.5 * IPD / np.tan(0.5 * angle)
         assert grid_of(depth, threshold=threshold).subdivided.any() == expected
+
+
+@pytest.mark.parametrize("threshold", [StereoSettings().grid_threshold, WarpOptions().grid_threshold])
+def test_by_default_relief_is_flattened_only_below_what_stereo_acuity_tells(threshold):
+    """Sharp eyes tell differences of 0.2 to 0.5 arc minutes: what is finer may go, nearly all that is seen stays."""
+    far = 5.0
+    for arc_minutes, kept in ((0.2, False), (0.3, True)):
+        angle = 2.0 * np.arctan(0.5 * IPD / far) + arc_minutes * ARC_MINUTE
+        depth = np.full((64, 64), far)
+        depth[24, 24] = 0.5 * IPD / np.tan(0.5 * angle)
+        assert grid_of(depth, threshold=threshold).subdivided.any() == kept
 
 
 def test_threshold_zero_subdivides_whatever_is_not_frontal():

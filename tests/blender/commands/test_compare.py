@@ -38,6 +38,36 @@ def test_pixels_at_a_pole_count_for_little(reference, tmp_path):
     assert 0.0 < error < 0.6 * unweighted
 
 
+FILM_GREY = 0.18
+"""Scene-linear grey over which a transparent film is judged where light counts as it is."""
+
+PNG_STEP = 0.01
+"""Of FLIP: two ways to the same colour may round to neighbouring values of 8 bits."""
+
+
+def test_flip_sees_a_black_thing_whose_alpha_is_wrong_as_over_opaque_grey(tmp_path):
+    """Light is nothing everywhere: only the grey that shows through tells the pictures apart."""
+    rendered = np.zeros((48, 64, 4), np.float32)
+    rendered[12:36, 16:48, 3] = 1.0
+    again, ours = rendered.copy(), rendered.copy()
+    again[12, 16:48, 3] = 0.8
+    ours[12:36, 16:48, 3] = 0.7
+
+    def on_grey(picture):
+        return np.concatenate([FILM_GREY * (1.0 - picture[..., 3:]).repeat(3, 2), np.ones_like(picture[..., 3:])], 2)
+
+    scene = empty_scene()
+    add_camera(scene)
+    scene.render.film_transparent = True
+    film = MultiviewReference("CYCLES", 1.0, rendered, again, 1.0)
+    flip, noise_flip = flips(scene, StereoSettings(), ours, film, tmp_path)
+    assert flip > 0.1
+    assert 0.0 < noise_flip < flip
+    solid = MultiviewReference("CYCLES", 1.0, on_grey(rendered), on_grey(again), 1.0)
+    expected = flips(scene, StereoSettings(), on_grey(ours), solid, tmp_path)
+    assert (flip, noise_flip) == pytest.approx(expected, abs=PNG_STEP)
+
+
 def test_a_broken_flip_is_none(reference, tmp_path, monkeypatch):
     """One that is found and cannot be imported, as where a library that it needs is missing."""
     (tmp_path / "flip_evaluator.py").write_text('raise ImportError("libGL.so.1: cannot open shared object file")')
