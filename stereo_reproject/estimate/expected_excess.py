@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ..settings.accuracy import ROUNDING_VARIANCE
 from .evidence import TileEvidence
-from .tuning import TUNING
 
 CONFIDENCE_95_SIGMAS = 1.96
 """Standard errors on either side that hold 95 %."""
@@ -22,13 +21,13 @@ Uncertain = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Values, and the standard error of each."""
 
 
-def expected_excess(evidence: TileEvidence) -> Uncertain:
+def expected_excess(evidence: TileEvidence, reach: int) -> Uncertain:
     """Return the expected excess (N,) of a pixel of each tile, with its standard error (N,), by all evidence but its
     own probe.
 
-    It is told by the tiles within `tile_reach_tiles` and by those of the same materials.
+    It is told by the tiles within `reach` and by those of the same materials.
     """
-    return with_materials(evidence, neighbours_excess(evidence, TUNING.tile_reach_tiles))
+    return with_materials(evidence, neighbours_excess(evidence, reach))
 
 
 def neighbours_excess(evidence: TileEvidence, reach: int) -> Uncertain:

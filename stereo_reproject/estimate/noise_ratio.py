@@ -133,7 +133,7 @@ def wrong_tiles(evidence: TileEvidence) -> float:
 
 def _expected(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
     """Return the expected excess (N,) of a pixel of each tile, and its standard error (N,), whatever its weight is."""
-    return of_one_pixel(evidence, expected_excess(evidence))
+    return of_one_pixel(evidence, expected_excess(evidence, TUNING.tile_reach_tiles))
 
 
 def _block_weights(evidence: TileEvidence) -> NDArray[np.float64]:

@@ -55,7 +55,7 @@ def choose_tiles(
         # Without noise there is no ratio to it: whatever is off so that it can be seen is traced.
         return free & (evidence.excess > HOLE_TUNING.unseen_difference**2 * evidence.area)
     margin = TUNING.promise_margin_sigmas if margin_sigmas is None else margin_sigmas
-    expected = expected_excess(evidence)[0]
+    expected = expected_excess(evidence, TUNING.frame_reach_tiles)[0]
     # Where no gain is expected, there is none: what a lone probe says of its own tile is for the estimate.
     candidates = np.nonzero(free & (expected > 0.0))[0]
     order = candidates[np.argsort(-expected[candidates], kind="stable")]

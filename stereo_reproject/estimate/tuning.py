@@ -31,9 +31,12 @@ class EstimateTuning:
     else. By hand."""
 
     # How tiles are judged
+    frame_reach_tiles: int = 2
+    """Tiles each way whose probes tell how wrong a tile is likely to be, for the frame's ratio. Varied by
+    `make spending`."""
     tile_reach_tiles: int = 1
-    """Tiles each way whose probes tell how wrong a tile is likely to be: an error in a small place must not be averaged
-    away. By hand: the nearest there are; for the frame's ratio alone, 2 and 3 bought nothing (docs/accuracy.md)."""
+    """Tiles each way whose probes tell that for the limit on single tiles: an error in a small place must not be
+    averaged away. By hand: the nearest there are."""
     tile_outlier_sigmas: float = 20.0
     """Times the noise around it that a probe's excess must be before its tile is traced for that alone. Measured on
     eight scenes at 480 x 270 with 64 samples: 10 traces 0.2 to 1.8 points more, most of them for fireflies, and lowers
@@ -46,7 +49,7 @@ class EstimateTuning:
     seen."""
     promise_margin_sigmas: float = 0.5
     """Standard errors by which the estimate must be within the promise before refinement stops. Varied by
-    `make spending`: 0 leaves worse tiles, and one frame in thirty above its promise."""
+    `make spending`."""
 
     # Slow errors, which are corrected and not traced
     bias_reaches_tiles: tuple[int, ...] = (4, 2, 1)

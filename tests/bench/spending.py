@@ -96,6 +96,7 @@ class Knob:
 
 KNOBS = (
     Knob("probe_spacing", (6, 8, 12, 16)),
+    Knob("frame_reach_tiles", (1, 2, 3)),
     Knob("even_probe_chance", (1.0, 0.5, 0.2)),
     Knob("promise_margin_sigmas", (0.0, 0.5, 1.0)),
     Knob("tile_limit", (1.25, 1.5, 2.0)),

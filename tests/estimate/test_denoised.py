@@ -107,7 +107,7 @@ def test_what_is_wrong_is_found_and_little_else_is_traced():
     assert np.mean(pixels[~wrong]) < 0.05
 
 
-@pytest.mark.parametrize("brightness", [1.0, 1e4])
+@pytest.mark.parametrize("brightness", [0.3, 1e4])
 def test_sparks_in_the_source_s_reflected_light_have_nothing_traced(brightness):
     """A probe that meets one would say that its whole surroundings are wrong, and all that shows the same material."""
 
