@@ -343,7 +343,7 @@ def test_an_animation_whose_scene_was_deleted_has_its_frames(extension, animated
     assert len(list((place / "project" / "shots").glob("film_0001_?.png"))) == 2
     said = capfd.readouterr().out.replace("\n", " ")
     assert "last frame is not shown: the scene 'Scene' was deleted" in said
-    assert "1 stereo frame rendered: " in said
+    assert "1 stereo frame rendered, " in said
 
 
 def test_a_stereo_animation_is_found_without_stereoscopy(extension, scene, tmp_path):

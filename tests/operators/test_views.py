@@ -136,7 +136,7 @@ def test_the_texts_can_be_translated(extension, scene, monkeypatch):
         "{columns} x {rows} views of {width} x {height} pixels.": "{columns} x {rows} Ansichten",
     }
     monkeypatch.setattr(text, "pgettext_iface", lambda message: table.get(message, message))
-    run = SimpleNamespace(detail="view 12 of 48", stage="source", saved=None, stage_words=ViewsJob.stage_words)
+    run = SimpleNamespace(detail="view 12 of 48", stage="source", savings=(), stage_words=ViewsJob.stage_words)
     assert text.shown(run_words.frame_words(run)) == "Ansicht 12 von 48"
     assert text.shown(run_words.stage_of(run)) == "Eine ganze Ansicht"
     assert text.shown(views_panel.quilt_words(scene)) == "8 x 6 Ansichten"

@@ -1173,6 +1173,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         "movie": str(place / "shot.mkv"),
         "holes": True,
         "compare_every": 24,
+        "reuse": None,
         "views": False,
         "skip": {},
         "finished": [],
