@@ -54,6 +54,8 @@ UNNAMED_CUT = {
 
 FLAT = "The interocular distance is 0: both eyes see the same, without depth."
 
+ALIKE = "An orthographic camera shows all depths alike: the pair has no depth."
+
 EDGES_UNKNOWN = "Not known if the frame's edges cut what is in front of the screen: Measure Depth finds out."
 
 LOWER = "Lower the interocular distance."
@@ -116,6 +118,9 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER", depress=is_out())
     layout.prop(scene.stereo_reproject, "show_depth", toggle=True, icon="VIEW3D")
+    if scene.camera.data.type == "ORTHO":
+        paragraph(layout, context, ALIKE, icon="ERROR")
+        return
     # Below the buttons, which so stay where they are.
     if scene.camera.data.stereo.interocular_distance == 0.0:
         paragraph(layout, context, FLAT, icon="ERROR")

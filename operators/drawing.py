@@ -15,6 +15,7 @@ from ..stereo_reproject.report.verdict import (
     picture_words,
     quality_of,
     quality_of_animation,
+    reuse_in_animation,
     saved_by_animation,
     saved_words,
     time_words,
@@ -152,8 +153,9 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
     """Return the sentences about quality and time of a scene's last result, an animation or a pair."""
     if result.animation is not None:
-        quality = quality_of_animation(result.animation["frames"])
-        return [*([] if quality is None else [quality]), *_saved_by_frames(result)]
+        rows = result.animation["frames"]
+        told = quality_of_animation(rows), reuse_in_animation(rows)
+        return [*filter(None, told), *_saved_by_frames(result)]
     if result.report is None:
         return []
     gain = full_gain_of(scene)

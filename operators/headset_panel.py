@@ -11,7 +11,7 @@ from ..stereo_reproject.views.comfort import MAX_VERGENCE_DEGREES, turned_apart_
 from ..stereo_reproject.words import Words
 from .drawing import paragraph
 from .fitting import draw_setting
-from .headset import FLAT, asked_panorama, panorama_size
+from .headset import CHOICES, FLAT, asked_panorama, panorama_size
 from .lengths import length_words
 
 PANORAMA_ALREADY = "The camera is a panorama already: its own lens and the resolution in Output count."
@@ -42,6 +42,18 @@ class Headset:
         elif chosen.headset != FLAT:
             width, height = panorama_size(scene, chosen.headset)
             paragraph(layout, context, Words("{width} x {height} pixels for each eye.", width=width, height=height))
+
+
+def draw_panorama(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw which panorama is rendered in place of what the camera sees, and its size; nothing where none is."""
+    scene = context.scene
+    panorama = asked_panorama(scene)
+    if panorama is None:
+        return
+    names = {name: text for name, text, _ in CHOICES}
+    width, height = panorama_size(scene, panorama)
+    text = Words("{panorama}, {width} x {height} pixels", panorama=names[panorama], width=width, height=height)
+    paragraph(layout, context, text, icon="INFO")
 
 
 def draw_comfort(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -20,10 +20,11 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
     bl_category = "Stereo"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the panel: the render buttons, the last result, and buttons that show its pictures."""
+        """Draw the panel: the render buttons, those of the ways to look, the last result, and buttons that show its
+        pictures. The result's lines are below the ways to look, so that no click moves these."""
         draw_buttons(self.layout)
-        draw_outcome(self.layout, context)
         draw_view_modes(self.layout, context)
+        draw_outcome(self.layout, context)
         result = result_of(context.scene)
         if result.report is not None and running() is None:
             self._draw_pictures(context, result)

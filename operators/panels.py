@@ -19,7 +19,7 @@ from .drawing import draw_buttons, draw_outcome, paragraph
 from .explained import EYES, draw_heading
 from .fitting import draw_setting, fits
 from .headset import is_for_headset, panorama_obstacle
-from .headset_panel import Headset, draw_comfort
+from .headset_panel import Headset, draw_comfort, draw_panorama
 from .jobs import running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import gain_words, is_current
@@ -54,19 +54,21 @@ class _Main:
             STEREO_REPROJECT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the render buttons, the accuracy and the rendered eye, what is in the way, and the last result."""
+        """Draw the render buttons, the accuracy and the rendered eye, what is in the way, the ways to look, and the
+        last result, whose lines move nothing that is clicked again and again."""
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         draw_buttons(layout)
         column = layout.column()
         draw_setting(column, context, chosen, "accuracy")
         draw_setting(column, context, chosen, "source", expand=True)
+        draw_panorama(column, context)
         in_the_way = obstacle(scene)
         if in_the_way is not None:
             paragraph(layout, context, in_the_way, icon="ERROR")
-        draw_outcome(layout, context)
         if result_of(scene).delivery is not None and running() is None:
             draw_modes_elsewhere(layout, context)
+        draw_outcome(layout, context)
 
 
 def obstacle(scene: bpy.types.Scene) -> str | None:

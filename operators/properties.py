@@ -136,9 +136,10 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         default=StereoSettings.compare,
     )
     key_frame_distance: bpy.props.IntProperty(
-        name="Frames per Key Frame",
+        name="Frames per Rendered Eye",
         description="Of so many frames in a row of an animation, one eye of the first is rendered whole, and the others"
-        " are made from it: what moves, and what comes into view, is rendered. At 1, one eye of each frame is rendered",
+        " are made from it: what moves, and what comes into view, is rendered. A cut begins anew, and where a light or"
+        " a material changes, each frame is rendered. At 1, one eye of each frame is rendered",
         default=1,
         min=1,
         max=MAX_REUSE,

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
-from ..images.lookup import touches
 from ..views.camera import Camera
 from ..warp.forward import Warp
 from .tuning import TUNING
@@ -20,22 +19,19 @@ Box = tuple[NDArray[np.floating], NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class Movers:
-    """Things that have moved, changed shape, come or gone between a source and a target.
+    """Things that have moved, changed shape, come or gone since the sources of a target were rendered.
 
-    in_source and in_target (H, W) are the pixels of each in which they are. boxes are around each of them, where it was
-    and where it is.
+    in_target (H, W) are the target's pixels in which they are now. boxes are around each of them, where it was and
+    where it is.
     """
 
-    in_source: NDArray[np.bool_]
     in_target: NDArray[np.bool_]
     boxes: Sequence[Box]
 
     def pixels(self, warp: Warp, target: Camera) -> NDArray[np.bool_]:
-        """Return (H, W) the target's pixels that cannot be warped: those of movers, those that were looked up in them,
-        and those of what lies so near beside them that its light may be another.
-        """
-        stale = touches(self.in_source, warp.x, warp.y, share=0.0)
-        return self.in_target | stale | self._beside(warp, target)
+        """Return (H, W) the target's pixels that cannot be warped: those of movers, and those of what lies so near
+        beside them that its light may be another."""
+        return self.in_target | self._beside(warp, target)
 
     def _beside(self, warp: Warp, target: Camera) -> NDArray[np.bool_]:
         """Return (H, W) the target's pixels whose surface is near one of the boxes, by the box's size."""

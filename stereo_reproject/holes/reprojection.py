@@ -27,6 +27,7 @@ from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from ..warp.warper import DEFAULTS, NUMPY, Warper
 from .classifier import NO_OPTICS, HoleClassifier, Optics, SourceEdges, ray_lengths_tell
+from .moved import Movers
 from .seams import seams
 
 
@@ -54,7 +55,8 @@ class JudgedView:
     """The target as one source shows it, with the rules that tell for which pixels that source does not answer.
 
     options are those of the warp. edges are the source's by this accuracy; the lookups of the warped view leave out
-    the pixels that are unusable by them. mirrors is None where no flat mirror is seen.
+    the pixels that are unusable by them. mirrors is None where no flat mirror is seen. moved (H, W) are the target's
+    pixels that cannot be warped from this source because something has moved since; None where nothing has.
     """
 
     warped: WarpedView
@@ -63,6 +65,7 @@ class JudgedView:
     options: WarpOptions
     edges: SourceEdges
     mirrors: InMirrors | None = None
+    moved: NDArray[np.bool_] | None = None
 
     @cached_property
     def reasons(self) -> NDArray[np.uint16]:
@@ -78,6 +81,8 @@ class JudgedView:
         """
         edges = self.edges if accuracy == self.accuracy else self.classifier.source_edges(accuracy)
         reasons = self.classifier.reasons(self.warped, accuracy, edges)
+        if self.moved is not None:
+            reasons |= self.moved * Reason.MOVED.bit
         return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
 
     @cached_property
@@ -284,22 +289,36 @@ def reproject(
     optics: Optics = NO_OPTICS,
     options: WarpOptions = DEFAULTS,
     warper: Warper = NUMPY,
+    movers: Sequence[Movers | None] = (),
 ) -> Reprojection:
     """Warp the sources, one or more, into the target, and flag the pixels that are known to need tracing.
 
     optics tells of lens and volumes, warper whether NumPy or a GPU warps. Things that flat mirrors show are warped by
-    where their image stands. `warp.merge` says which source answers for a pixel that several show.
+    where their image stands. movers has, for each source, what has moved since it was rendered; it is empty where
+    nothing has. `warp.merge` says which source answers for a pixel that several show.
     """
-    views = tuple(_judged(source, target, accuracy, optics, options, warper) for source in sources)
+    views = tuple(
+        _moved(_judged(source, target, accuracy, optics, options, warper), target, moved)
+        for source, moved in zip(sources, movers or [None] * len(sources), strict=True)
+    )
     flags = [] if len(views) == 1 else [view.reasons for view in views]
     return Reprojection(merge_views([view.warped for view in views], flags, sources, target), views)
+
+
+def _moved(view: JudgedView, target: View, movers: Movers | None) -> JudgedView:
+    """Return the target as one source shows it, with what has moved since then flagged."""
+    return view if movers is None else replace(view, moved=movers.pixels(view.warped.warp, target.camera))
 
 
 def _judged(
     source: RenderedView, target: View, accuracy: Accuracy, optics: Optics, options: WarpOptions, warper: Warper
 ) -> JudgedView:
     """Return the target as one source shows it, with the things in flat mirrors warped by where their image stands."""
-    source = replace(source, passes={**source.passes, DEPTH_PASS: known_depth(source.passes[DEPTH_PASS])})
+    depth = known_depth(source.passes[DEPTH_PASS])
+    if source.traced is not None:
+        # What is not looked up hides nothing either: another source shows it, or it has moved.
+        depth = np.where(source.traced[..., None], depth, np.float32(np.nan))
+    source = replace(source, passes={**source.passes, DEPTH_PASS: depth})
 
     def judged(source: RenderedView) -> JudgedView:
         warped = warper.warp([source], target, options)

@@ -17,7 +17,9 @@ from ..images.passes import Passes, without_internal_passes
 from ..images.reasons import Reason
 from ..images.seen_light import scaled_light
 from ..trace.fill import FillChoice
+from ..views.view import View
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
+from ..warp.rendered_view import RenderedView
 from .effect_costs import EffectCost, effect_costs
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of
 from .source import Source
@@ -40,11 +42,14 @@ class Completed:
 
 @dataclass(frozen=True)
 class FinishedPasses:
-    """The target's passes as they are in the end, with 0 for what was no number; lost is the number of pixels that had
-    any such value."""
+    """The target's passes as they are in the end, with 0 for what was no number.
+
+    lost is the number of pixels that had any such value; invalid (H, W) are those that had one in an essential pass.
+    """
 
     passes: Passes
     lost: int
+    invalid: NDArray[np.bool_]
 
 
 def composited(task: FrameTask, done: Completed) -> FinishedPasses:
@@ -54,7 +59,7 @@ def composited(task: FrameTask, done: Completed) -> FinishedPasses:
     go: a denoiser needs memory for a large picture several times over.
     """
     target, source, reprojection = done.target, done.sources[0], done.warped.reprojection
-    finished, _ = replace_non_finite(target.passes)
+    finished, invalid = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(task.settings.interpolation, denoised=False)
     for name, pixels in spoilt(
@@ -64,7 +69,7 @@ def composited(task: FrameTask, done: Completed) -> FinishedPasses:
         if name in finished and warped.any():
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
             dark[name] = warped | dark.get(name, False)
-    result = FinishedPasses(scaled_light(finished, 1.0 / source.light_scale), count_pixels(dark))
+    result = FinishedPasses(scaled_light(finished, 1.0 / source.light_scale), count_pixels(dark), invalid)
     for replaced in (target.passes, reprojection.passes):
         replaced.clear()
     return result
@@ -76,6 +81,22 @@ def denoised(done: Completed, finished: FinishedPasses, denoising: Denoising) ->
     refined = target.any_of(Provenance.REFINED)
     passes = denoise_target(finished.passes, target.keeps_warped_colour, denoising, refined=refined)
     return replace(finished, passes=passes)
+
+
+def traced_part(view: View, done: Completed, finished: FinishedPasses) -> Source:
+    """Return a finished target as a source of other views, of which only what was traced is looked up.
+
+    view is the target's; finished are its passes, the internal ones too.
+    """
+    first, target = done.sources[0], done.target
+    # A denoised probe keeps the colour of the warp.
+    traced = target.traced if first.denoising is None else ~target.keeps_warped_colour
+    for mirrors in (samples.mirrors for samples in done.warped.reprojection.samples):
+        if mirrors is not None:
+            # The image in a mirror is found by passes that are never warped.
+            traced = traced & ~mirrors[0]
+    passes = scaled_light(finished.passes, first.light_scale)
+    return replace(first, seen=RenderedView(view, passes, finished.invalid, first.seen.cost, traced), lost={})
 
 
 def finished_frame(task: FrameTask, warped: WarpedSource, done: Completed, finished: FinishedPasses) -> StereoFrame:

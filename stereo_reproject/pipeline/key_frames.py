@@ -1,26 +1,26 @@
-"""START HERE for reuse over time: both eyes of a frame are made from the eye of a key frame, an earlier frame that was
-rendered whole.
+"""START HERE for reuse over time: the first eye of a frame is made from that of a key frame, an earlier frame that was
+rendered whole, and the other eye from both.
 
-A pixel is looked up where it was rendered, in the key frame, however many frames lie between. No frame is made from one
-that comes after it, nor from a frame that was itself made.
+A pixel is looked up where it was traced: in the key frame, however many frames lie between, or among the traced pixels
+of this frame's first eye. No frame is made from one that comes after it, nor from another made frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..estimate.tracing import ProbedTracing
+from ..estimate.tracing import ProbedTracing, WarpedTarget
 from ..holes.moved import Movers
 from ..images.depth_pass import with_depth_pass
 from ..images.passes import Passes, without_internal_passes
 from ..settings.frame import StereoSettings
 from ..trace.costs import TraceCosts
-from ..trace.requests import run_together
 from ..views.view import Rig
-from .finishing import Completed, FinishedPasses, account_of, all_reasons, composited, denoised
+from .finishing import Completed, FinishedPasses, account_of, all_reasons, composited, denoised, traced_part
 from .renderer import Renderer
 from .shared_findings import SharedFindings
 from .source import Source
@@ -50,19 +50,24 @@ class KeyFrame:
 
 @dataclass(frozen=True)
 class SinceKey:
-    """Changes since the key frame: number is that of the frame that is made; movers are what has moved, by the
-    name of the eye, none where nothing has."""
+    """Changes since the key frame.
+
+    number is that of the frame that is made. movers are what has moved, by the name of the eye, and stale (H, W) the
+    pixels of the key frame's eye that show it where it was. Without movers nothing has moved.
+    """
 
     number: int
-    movers: Mapping[str, Movers]
+    movers: Mapping[str, Movers] = field(default_factory=dict)
+    stale: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
 class _Eye:
-    """One made eye: its task, and the target once it is completed."""
+    """One made eye: its task, the target once it is completed, and its finished passes."""
 
     task: FrameTask
     done: Completed
+    finished: FinishedPasses
 
 
 def render_from_key(
@@ -89,51 +94,55 @@ def render_from_key(
     # The key frame was rendered by a renderer of its own.
     renderer.expect_probes(probed=any(task.may_differ for task in tasks) and key.source.accuracy.promise is not None)
 
+    seeds = [renderer.seed + PROBE_SEED_STEP * (2 * changed.number + eye) for eye in range(len(tasks))]
+    movers = [changed.movers.get(task.target.name) for task in tasks]
+    source = key.source if changed.stale is None else _still_there(key.source, changed.stale)
     watch.lap(Stage.WARP)
-    tracings = []
-    for eye, task in enumerate(tasks):
-        seed = renderer.seed + PROBE_SEED_STEP * (2 * changed.number + eye)
-        movers = changed.movers.get(task.target.name)
-        tracings.append(ProbedTracing(renderer, warp_sources(task, [key.source], seed=seed, movers=movers)))
-
-    if float(np.mean(tracings[0].target.traced)) > TUNING.max_traced_of_key:
+    warped = warp_sources(tasks[0], [source], seed=seeds[0], movers=movers[:1])
+    if float(np.mean(warped.reprojection.reasons > 0)) > TUNING.max_traced_of_key:
         return None
+    first = _completed(tasks[0], (source,), warped)
 
-    watch.lap(Stage.FILL)
-    fills = run_together([tracing.fill_steps() for tracing in tracings], renderer)
-
-    watch.lap(Stage.REFINE)
-    refinements = run_together([tracing.refine_steps() for tracing in tracings], renderer)
-
-    eyes = [
-        _Eye(task, Completed((key.source,), tracing.warped, tracing.target, fill, refinement))
-        for task, tracing, fill, refinement in zip(tasks, tracings, fills, refinements, strict=True)
-    ]
-    finished = [_finished(eye, watch) for eye in eyes]
+    watch.lap(Stage.WARP)
+    sources = source, traced_part(tasks[0].target, first.done, first.finished)
+    # What was traced in this frame has moved with it.
+    warped = warp_sources(tasks[1], sources, seed=seeds[1], movers=(movers[1], None))
+    second = _completed(tasks[1], sources, warped)
     watch.lap(Stage.ACCOUNT)
-    return _frame(key, eyes, finished, watch)
+    return _frame(key, first, second)
 
 
-def _finished(eye: _Eye, watch: Stopwatch) -> FinishedPasses:
-    """Return the finished passes of a made eye, denoised where the scene is."""
+def _still_there(source: Source, stale: NDArray[np.bool_]) -> Source:
+    """Return a source without the pixels `stale` (H, W), which show what is there no more."""
+    return replace(source, seen=replace(source.seen, traced=~stale))
+
+
+def _completed(task: FrameTask, sources: tuple[Source, ...], warped: WarpedTarget) -> _Eye:
+    """Trace what these sources do not show of a warped eye, and what its probes ask for; return the eye, denoised where
+    the scene is."""
+    watch, tracing = task.watch, ProbedTracing(task.renderer, warped)
+    watch.lap(Stage.FILL)
+    fill = tracing.fill()
+    watch.lap(Stage.REFINE)
+    refinement = tracing.refine()
     watch.lap(Stage.COMPOSITE)
-    finished, denoising = composited(eye.task, eye.done), eye.done.sources[0].denoising
+    done = Completed(sources, warped, tracing.target, fill, refinement)
+    finished, denoising = composited(task, done), sources[0].denoising
     if denoising is not None:
         watch.lap(Stage.DENOISE_TARGET)
-        finished = denoised(eye.done, finished, denoising)
-    return finished
+        finished = denoised(done, finished, denoising)
+    return _Eye(task, done, finished)
 
 
-def _for_users(eye: _Eye, finished: FinishedPasses) -> Passes:
+def _for_users(eye: _Eye) -> Passes:
     """Return an eye's passes for users, with depth as Blender's Depth pass has it."""
-    return with_depth_pass(without_internal_passes(finished.passes), eye.task.target.camera)
+    return with_depth_pass(without_internal_passes(eye.finished.passes), eye.task.target.camera)
 
 
-def _frame(key: KeyFrame, eyes: list[_Eye], finished: list[FinishedPasses], watch: Stopwatch) -> StereoFrame:
+def _frame(key: KeyFrame, first: _Eye, second: _Eye) -> StereoFrame:
     """Return the finished pair of two made eyes; what is said of the target is the second's."""
-    first, second = eyes
-    done, warped = second.done, second.done.warped
-    account = account_of(second.task, done, finished[1].passes)
+    done, warped, watch = second.done, second.done.warped, second.task.watch
+    account = account_of(second.task, done, second.finished.passes)
     watch.lap()
     target, other = done.target, first.done.target
     reused = ReusedEye(
@@ -143,9 +152,9 @@ def _frame(key: KeyFrame, eyes: list[_Eye], finished: list[FinishedPasses], watc
         first.done.warped.variance_share_of(other),
         first.done.refinement,
     )
-    names = [eye.task.target.name for eye in eyes]
+    eyes = {eye.task.target.name: eye for eye in (first, second)}
     return StereoFrame(
-        eyes={name: _for_users(eye, passes) for name, eye, passes in zip(names, eyes, finished, strict=True)},
+        eyes={name: _for_users(eye) for name, eye in eyes.items()},
         reasons=account.reasons,
         traced=target.traced,
         variance_share=warped.variance_share_of(target),
@@ -158,7 +167,7 @@ def _frame(key: KeyFrame, eyes: list[_Eye], finished: list[FinishedPasses], watc
         trace_costs=warped.planner.costs,
         effect_costs=account.effect_costs,
         next_accuracy=account.next_accuracy,
-        invalid_pixels={name: passes.lost for name, passes in zip(names, finished, strict=True)},
+        invalid_pixels={name: eye.finished.lost for name, eye in eyes.items()},
         metadata={**key.metadata, **second.task.renderer.metadata},
         warped_by=warped.reprojection.warped_by,
         light_scale=key.source.light_scale,

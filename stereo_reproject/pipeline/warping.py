@@ -14,7 +14,6 @@ from ..holes.classifier import Optics
 from ..holes.moved import Movers
 from ..holes.reprojection import Reprojection, reproject
 from ..images.passes import deepest
-from ..images.reasons import Reason
 from ..trace.costs import TraceCosts
 from ..trace.fill import check_fill
 from ..trace.planner import FillPlanner
@@ -63,24 +62,21 @@ def warp_source(task: FrameTask, source: Source) -> WarpedSource:
 
 
 def warp_sources(
-    task: FrameTask, sources: Sequence[Source], *, seed: int, movers: Movers | None = None
+    task: FrameTask, sources: Sequence[Source], *, seed: int, movers: Sequence[Movers | None] = ()
 ) -> WarpedTarget:
     """Return several sources warped into the target, ready to be traced; seed is that of its probes' places.
 
-    The sources have one accuracy, denoiser and light scale. movers are what has moved since the source was rendered,
-    which is then a single one; all else is probed where it can be, since their shadows and reflections move too.
+    The sources have one accuracy, denoiser and light scale. movers has, for each source, what has moved since it was
+    rendered; empty where nothing has. Where something has, all else is probed where it can be, since shadows and
+    reflections move too.
     """
     linear, colour = interpolations_of(task.settings.interpolation, denoised=sources[0].denoising is not None)
     # Beside views that are rendered whole, another look of the noise is seen.
-    reprojection, _ = _reprojected(task, sources, (linear, "grained" if colour == "adaptive" else colour))
+    interpolations = linear, "grained" if colour == "adaptive" else colour
+    reprojection, _ = _reprojected(task, sources, interpolations, movers)
     target = _target_of(task, sources[0], reprojection, seed=seed)
-    if movers is None:
-        return target
-    holes = target.reprojection
-    moved = movers.pixels(holes.warp, task.target.camera)
-    reasons = np.where(moved, holes.reasons | Reason.MOVED.bit, holes.reasons)
-    probed = target.needs_probes or target.denoising is None
-    return replace(target, reprojection=replace(holes, reasons=reasons), needs_probes=probed)
+    has_moved = any(moved is not None for moved in movers)
+    return replace(target, needs_probes=target.needs_probes or (has_moved and target.denoising is None))
 
 
 def _target_of(task: FrameTask, source: Source, reprojection: Reprojection, *, seed: int) -> WarpedTarget:
@@ -110,10 +106,13 @@ def show_target(
 
 
 def _reprojected(
-    task: FrameTask, sources: Sequence[Source], interpolations: tuple[str, str]
+    task: FrameTask,
+    sources: Sequence[Source],
+    interpolations: tuple[str, str],
+    movers: Sequence[Movers | None] = (),
 ) -> tuple[Reprojection, str | None]:
     """Return the sources warped into the target, and the name of the GPU that was chosen for it, None for NumPy.
-    interpolations are those of most passes and of the colour."""
+    interpolations are those of most passes and of the colour; movers are as for `warp_sources`."""
     renderer, settings, target = task.renderer, task.settings, task.target
     warp = partial(
         reproject,
@@ -122,6 +121,7 @@ def _reprojected(
         sources[0].accuracy,
         optics=Optics(renderer.lens, renderer.volumes),
         options=WarpOptions(settings.grid_threshold, *interpolations),
+        movers=movers,
     )
 
     def is_faster(gpu: Warper) -> bool:

@@ -5,14 +5,14 @@ Everything here reads the dict that report.json or animation.json has. Nothing h
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ..estimate.tracing import NOTHING_DIFFERS
 from ..pipeline.stages import OUTSIDE_TOTAL, Stage
 from ..settings.accuracy import SETTINGS
-from ..settings.animation import spelled
+from ..settings.animation import KEY_FRAME, spelled
 from ..words import Words
 
 UNCERTAIN_AREAS = "Uncertain Areas"
@@ -127,8 +127,13 @@ def _quality(honest_ratio: float, kept: bool, wrong_tiles: float) -> Verdict:
 
 def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
     """Return the verdict on the frames of an animation, from the rows of its report; None where no row has an
-    estimate. A row whose estimate lacks something, as of another version's run, counts as one without."""
-    told = {row["frame"]: quality_of(row).good for row in rows if (row.get("estimate") or {}).keys() >= NEEDED}
+    estimate. A row whose estimate lacks something, as of another version's run, counts as one without. Where the first
+    eye was made too, a frame is as good as the worse of its eyes."""
+    told = {
+        row["frame"]: _worse([quality_of(eye).good for eye in _made_eyes(row)])
+        for row in rows
+        if (row.get("estimate") or {}).keys() >= NEEDED
+    }
     worse = [frame for frame, good in told.items() if good is False]
     if not told:
         return None
@@ -142,6 +147,35 @@ def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
         words = Words("Not known of {count} of {all} frames if they are as good as rendering both eyes", **counts)
         return Verdict(words, good=None)
     return Verdict(AS_GOOD, good=True)
+
+
+def _made_eyes(row: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield, for each made eye of a frame, the row of an animation's report as one of a pair of which it is the
+    target."""
+    yield row
+    reuse, compare = row.get("reuse") or {}, row.get("compare") or {}
+    if (reuse.get("first_eye") or {}).keys() >= NEEDED:
+        fractions = {"rerendered": reuse["first_eye_traced"]}
+        yield {**row, "estimate": reuse["first_eye"], "fractions": fractions, "compare": compare.get("first_eye")}
+
+
+def _worse(good: Sequence[bool | None]) -> bool | None:
+    """Return the worst of several verdicts: False before None, None before True."""
+    return False if False in good else None if None in good else True
+
+
+def reuse_in_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
+    """Return a sentence about how many frames of an animation were made from earlier ones, from the rows of its report,
+    with the first reason why others were not; None where none was to be."""
+    told = [row["reuse"] for row in rows if row.get("reuse")]
+    made = sum(reuse["key_frame"] is not None for reuse in told)
+    reasons = [reuse["whole"] for reuse in told if reuse["whole"] not in (None, KEY_FRAME)]
+    if not made and not reasons:
+        return None
+    words = Words("{made} of {all} frames were made from earlier ones", made=made, all=len(told))
+    if reasons:
+        words = Words("{made}; {count} could not be: {reason}", made=words, count=len(reasons), reason=reasons[0])
+    return Verdict(words, good=None if reasons else True)
 
 
 def duration(seconds: float) -> str:

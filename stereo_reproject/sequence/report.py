@@ -9,6 +9,7 @@ from typing import Any
 
 from ..errors import BadInputError
 from ..files import write_json
+from ..report.verdict import reuse_in_animation
 from ..settings.animation import AnimationSettings
 from .figures import figures_of
 from .fingerprints import Fingerprints, FrameState
@@ -190,6 +191,9 @@ def format_animation(report: Mapping[str, Any]) -> str:
         f"traced        {100 * whole['traced']:.1f} % of {what}",
         f"speed-up      {whole['speedup']:.2f} x over {over}, {how}",
     ]
+    reused = reuse_in_animation(report["frames"])
+    if reused is not None:
+        lines.append(f"reuse         {reused.words}")
     if views is not None:
         lines += _lines_of_views(report["frames"])
     compare = report.get("compare") or {}

@@ -24,6 +24,9 @@ MAX_REUSE = 1000
 AUTO_REUSE = 8
 """Frames that one key frame serves where nobody says a number. By hand."""
 
+KEY_FRAME = "a key frame"
+"""Reason why one eye of a key frame is rendered whole, in reports."""
+
 
 @dataclass(frozen=True)
 class AnimationSettings:

@@ -18,9 +18,9 @@ class RenderedView:
     """A source of a warp: a rendered view and its passes, colour (H, W, 4), depth (H, W, 1), and any other.
 
     invalid (H, W): pixels of which an essential pass had NaN or infinities; None without any. cost: seconds that
-    rendering took, where that was measured. traced (H, W): pixels that were really traced in this view; the others were
-    looked up in another one, and are not looked up again. None where all were traced, as in a view that was rendered
-    whole.
+    rendering took, where that was measured. traced (H, W): pixels that were really traced in this view, and that show
+    what is still there; the others are not looked up, as they were themselves looked up in another view, or show what
+    has moved since. None where all may be looked up, as in a view that was rendered whole.
     """
 
     view: View

@@ -50,7 +50,7 @@ def _with_untraced(view: WarpedView, source: RenderedView, options: WarpOptions)
     """Return the view with pixels flagged DISOCCLUDED whose lookup takes any share of pixels that the source did not
     trace.
 
-    Those were themselves looked up in another view (`RenderedView.traced`), and are not looked up again.
+    `RenderedView.traced` says why.
     """
     if source.traced is None or source.traced.all():
         return view

@@ -28,9 +28,10 @@ def execute(path):
 
 def test_the_extension_s_own_presets_are_listed_and_gone_with_it(package):
     package.register()
-    assert {"Final_Frames", "Quick_Look_with_EEVEE"} <= presets().keys()
+    own = {"Final_Frames", "Quick_Look_with_EEVEE", "VR180", "VR_360"}
+    assert own <= presets().keys()
     package.unregister()
-    assert presets().keys().isdisjoint({"Final_Frames", "Quick_Look_with_EEVEE"})
+    assert presets().keys().isdisjoint(own)
 
 
 def test_the_extension_s_own_presets_set_what_they_are_named_for(extension):
@@ -39,6 +40,21 @@ def test_the_extension_s_own_presets_set_what_they_are_named_for(extension):
     assert settings().source_engine == "eevee"
     execute(own["Final_Frames"])
     assert (settings().accuracy, settings().source_engine) == ("high", "scene")
+
+
+@pytest.mark.parametrize(("name", "panorama"), [("VR180", "vr180"), ("VR_360", "vr360")])
+def test_a_preset_for_headsets_asks_for_the_size_that_the_command_line_takes(extension, name, panorama):
+    from stereo_reproject_extension.operators.headset import asked_panorama, panorama_size
+    from stereo_reproject_extension.stereo_reproject.settings.frame import SceneOverrides
+
+    scene = bpy.context.scene
+    settings().headset, settings().headset_height = "camera", 512
+    assert asked_panorama(scene) is None
+    before = {key: getattr(settings(), key) for key in ("accuracy", "source_engine", "fill", "packed_by")}
+    execute(presets()[name])
+    assert asked_panorama(scene) == panorama
+    assert panorama_size(scene, panorama) == SceneOverrides(panorama=panorama).size
+    assert {key: getattr(settings(), key) for key in before} == before
 
 
 def test_a_preset_brings_back_what_was_set_and_no_more(extension, tmp_path, monkeypatch):

@@ -37,12 +37,16 @@ def frames_of(scene, folder, *, frames=(1, 2, 3, 4), settings=SETTINGS, **option
     return json.loads((folder / "out" / "animation.json").read_text())
 
 
+def nudged_box(scene):
+    keyed(bpy.data.objects["Box"], "location", -1.0, -0.8, 0)
+
+
 def eye(folder, frame, letter):
     return read_channels(folder / "out" / f"{frame:04d}_{letter}.exr")
 
 
 def test_a_made_frame_is_the_same_wherever_a_run_begins(tmp_path):
-    scene = small_studio(tmp_path, moving_camera, moving_box, as_exr, lit=True)
+    scene = small_studio(tmp_path, moving_camera, nudged_box, as_exr, lit=True)
     report = frames_of(scene, tmp_path / "all", reuse=4)
     assert [row["reuse"]["key_frame"] for row in report["frames"]] == [None, 1, 1, 1]
     assert report["frames"][0]["reuse"]["whole"] == "a key frame"
@@ -68,11 +72,18 @@ def test_each_eye_of_a_made_frame_keeps_the_promise_and_flicker_is_measured(tmp_
         assert row["compare"]["first_eye"]["honest_ratio"] < 1.25
 
 
+def test_frames_are_made_by_the_camera_without_osl_too(tmp_path):
+    scene = small_studio(tmp_path, moving_camera, as_exr, lit=True)
+    report = frames_of(scene, tmp_path / "all", frames=(1, 2), settings=replace(SETTINGS, packed_by="portal"), reuse=2)
+    assert [row["reuse"]["key_frame"] for row in report["frames"]] == [None, 1]
+
+
 def test_what_moves_is_where_a_plain_render_has_it(tmp_path):
     """The box goes on by some pixels: without being traced anew it would stay behind."""
-    scene = small_studio(tmp_path, moving_box, as_exr, lit=True)
+    scene = small_studio(tmp_path, nudged_box, as_exr, lit=True)
     many = replace(SETTINGS, scene=replace(SETTINGS.scene, samples=64))
-    frames_of(scene, tmp_path / "made", frames=(1, 4), settings=many, reuse=4)
+    report = frames_of(scene, tmp_path / "made", frames=(1, 4), settings=many, reuse=4)
+    assert report["frames"][1]["reuse"]["key_frame"] == 1
     frames_of(scene, tmp_path / "plain", frames=(1, 4), settings=many)
     for letter in "LR":
         made, plain, before = (

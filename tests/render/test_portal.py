@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.commands.frame import render_pair
+from stereo_reproject.blender.commands.frame import InSequence, render_pair
 from stereo_reproject.blender.engines.eevee import renderer_of
 from stereo_reproject.blender.engines.packed_trace import CAMERAS, packed_blocker
 from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
@@ -17,6 +17,7 @@ from stereo_reproject.blender.scene.working import WorkingScenes, working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.requests import TraceRequest
@@ -112,9 +113,10 @@ def test_frames_of_an_animation_are_as_the_osl_camera_traces_them(tmp_path):
     for packed_by in CAMERAS:
         settings = StereoSettings(accuracy="draft", fill="packed", packed_by=packed_by)
         with WorkingScenes(scene) as scenes:
+            together = InSequence(scenes, lambda _: SharedFindings(), learns=False)
             for number in frames:
                 one = replace(settings, scene=SceneOverrides(frame=number, seed=3, interocular_distance=0.3))
-                pair, report = render_pair(scene, one, tmp_path, scenes=scenes, learns=False)
+                pair, report = render_pair(scene, one, tmp_path, sequence=together)
                 assert report.fill.camera == packed_by
                 pairs[packed_by, number] = pair.main_frame
     scene.camera.data.stereo.interocular_distance = 0.3

@@ -21,6 +21,7 @@ from stereo_reproject.report.verdict import (
     predicted_words,
     quality_of,
     quality_of_animation,
+    reuse_in_animation,
     saved_by_animation,
     saved_seconds,
     saved_words,
@@ -112,6 +113,34 @@ def test_an_animation_names_the_frames_that_are_worse():
     assert quality_of_animation([frame(1), frame(2, **unknown)]).good is None
     assert quality_of_animation([{"frame": 1, "estimate": None}, {"frame": 2, "estimate": {"kept": True}}]) is None
     assert saved_by_animation({"multiview_seconds": 9000.0, "seconds": 1800.0}) == pytest.approx(7200.0)
+
+
+def reused(number, key=1, whole=None, **estimate):
+    """A frame's row whose first eye was made from a key frame too, or that was rendered whole."""
+    first = None if whole else report(**estimate)["estimate"]
+    return frame(number) | {
+        "reuse": {"key_frame": None if whole else key, "whole": whole, "first_eye_traced": 0.1, "first_eye": first}
+    }
+
+
+def test_a_made_frame_is_as_good_as_the_worse_of_its_eyes():
+    assert quality_of_animation([reused(1, whole="a key frame"), reused(2)]) == Verdict(AS_GOOD, good=True)
+    assert quality_of_animation([reused(1, whole="a key frame"), reused(2, kept=False)]).good is False
+    measured = reused(2) | {"compare": {"honest_ratio": 1.0, "first_eye": {"honest_ratio": 1.3}}}
+    assert quality_of_animation([reused(1, whole="a key frame"), measured]).good is False
+
+
+def test_an_animation_says_how_many_frames_were_made_from_earlier_ones_and_why_others_were_not():
+    key = reused(1, whole="a key frame")
+    assert reuse_in_animation([frame(1), frame(2)]) is None
+    assert reuse_in_animation([key]) is None
+    assert reuse_in_animation([key, reused(2), reused(3)]) == Verdict(
+        "2 of 3 frames were made from earlier ones", good=True
+    )
+    changed = reused(3, whole="changed since frame 1: light Lamp")
+    assert reuse_in_animation([key, reused(2), changed]) == Verdict(
+        "1 of 3 frames were made from earlier ones; 1 could not be: changed since frame 1: light Lamp", good=None
+    )
 
 
 def preview(**changes):

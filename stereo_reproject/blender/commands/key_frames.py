@@ -17,6 +17,7 @@ from ...pipeline.stereo_frame import StereoFrame
 from ...pipeline.stopwatch import Stopwatch
 from ...pipeline.task import FrameTask
 from ...settings.accuracy import accuracy_of
+from ...settings.animation import KEY_FRAME
 from ...settings.frame import StereoSettings
 from ...trace.costs import TraceCosts
 from ..engines.eevee import renderer_of
@@ -27,9 +28,6 @@ from ..scene.movers import Shape, pixels_of_shapes, shapes_of
 from ..scene.rendered import CYCLES, camera_at
 from ..scene.working import WorkingScenes, rendered_layer, stand_at
 from .known_costs import known_costs
-
-KEY = "a key frame"
-"""Reason why a key frame is rendered whole."""
 
 
 @dataclass
@@ -113,7 +111,7 @@ class KeyFrames:
             sources: list[Source] = []
             frame = render_stereo_frame(renderer, making.settings, **tools, on_source=sources.append)
             self._kept[layer] = _Kept(KeyFrame(number, sources[0], dict(renderer.metadata)), state)
-            return frame, KEY
+            return frame, KEY_FRAME
         if kept is None or kept.key.number != self.number_of(number):
             return render_stereo_frame(renderer, making.settings, **tools), "its key frame could not be rendered"
         changed = renderer.fill_blockers()["packed"] or _since(kept, state, renderer)
@@ -136,7 +134,7 @@ def _since(kept: _Kept, state: SceneState, renderer: BlenderRenderer) -> SinceKe
         return f"changed since frame {key.number}: {_listed(others)}"
     names = tuple(state.moved_since(kept.state))
     if not names:
-        return SinceKey(number, {})
+        return SinceKey(number)
     now = shapes_of(working, names)
     if names not in kept.shapes:
         stand_at(working, key.number, 0.0)
@@ -145,12 +143,9 @@ def _since(kept: _Kept, state: SceneState, renderer: BlenderRenderer) -> SinceKe
     then = kept.shapes[names]
     if now is None or then is None:
         return f"changed since frame {key.number}, and has no surface of triangles: {_listed(list(names))}"
-    in_source = pixels_of_shapes(then, key.source.seen.camera)
     boxes = [shape.box for shape in (*then, *now)]
-    movers = {
-        view: Movers(in_source, pixels_of_shapes(now, camera), boxes) for view, camera in renderer.cameras.items()
-    }
-    return SinceKey(number, movers)
+    movers = {view: Movers(pixels_of_shapes(now, camera), boxes) for view, camera in renderer.cameras.items()}
+    return SinceKey(number, movers, pixels_of_shapes(then, key.source.seen.camera))
 
 
 def _costs_of(renderer: BlenderRenderer, working: bpy.types.Scene) -> Callable[[], TraceCosts]:

@@ -28,7 +28,7 @@ from ..scene.rig import frame_region
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie, movie_files, movie_warnings, write_movie
-from .movie_panorama import movie_panorama
+from .movie_panorama import movie_panorama, shows_panorama
 from .output_paths import check_file_outputs, output_files, output_stem
 
 AS_IT_IS = SceneOverrides()
@@ -39,7 +39,8 @@ class Output:
     """The output of an animation. name is what the files' names begin with; files are each frame's, by its number: one,
     or one for each eye. layout is the frames', movie_layout that of a movie made of them (None: one that we have no
     name for). values are all settings of the format; half_floats is True for an EXR of 16 bits. panorama is the part of
-    the sphere that a movie shows (None: a planar one, or one whose layout has no name).
+    the sphere that a movie shows (None: a planar one, one whose layout has no name, or one that no mark can say);
+    lacks_mark is True for the last of these.
     """
 
     folder: Path
@@ -51,6 +52,7 @@ class Output:
     values: Mapping[str, Any]
     half_floats: bool
     panorama: MoviePanorama | None
+    lacks_mark: bool
 
     @property
     def all_files(self) -> list[Path]:
@@ -63,7 +65,7 @@ class Output:
 
     def movie_warnings(self, path: Path) -> list[str]:
         """Return warnings where players cannot know by the movie's name or mark how its frames are to be shown."""
-        return movie_warnings(path, self.movie_layout, self.panorama)
+        return movie_warnings(path, self.movie_layout, self.panorama, lacks_mark=self.lacks_mark)
 
     def movie_size(self, scene: bpy.types.Scene, size: tuple[int, int] | None) -> tuple[int, int]:
         """Return the width and height of the movie in pixels; size is that of an eye, None for the scene's own."""
@@ -103,9 +105,11 @@ def output_of(
         folder = files[frames[0]][0].parent
         shown = _of_movie(layout, own_movies)
         half = writes_half_floats(scene)
-        panorama = None if shown is None else movie_panorama(scene, frames, overrides.panorama)
+        asked_panorama = overrides.panorama
+        panorama = None if shown is None else movie_panorama(scene, frames, asked_panorama)
+        lacks_mark = panorama is None and shown is not None and shows_panorama(scene, frames, asked_panorama)
         stem, file_format = output_stem(scene), settings.file_format
-        output = Output(folder, stem, files, layout, file_format, shown, values, half, panorama)
+        output = Output(folder, stem, files, layout, file_format, shown, values, half, panorama, lacks_mark)
     if options.movie is not None:
         options = replace(options, movie=str(_movie_path(scene, options.movie, output)))
     check_output(output, options)

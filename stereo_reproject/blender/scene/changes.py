@@ -73,8 +73,9 @@ def state_of(scene: bpy.types.Scene) -> SceneState:
             continue
         found.update(np.array(instance.matrix_world, np.float64).tobytes())
     for what, block in _others(scene):
-        found = others.setdefault(f"{what} {block.name_full}", hashlib.sha256())
-        found.update(_of_block(block, depsgraph, scene))
+        values = _of_block(block, depsgraph, scene)
+        if values:
+            others.setdefault(f"{what} {block.name_full}", hashlib.sha256()).update(values)
     return SceneState(*({name: found.hexdigest() for name, found in each.items()} for each in (surfaces, others)))
 
 
