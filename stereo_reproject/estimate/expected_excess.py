@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..settings.accuracy import ROUNDING_VARIANCE
+from ..images.metrics import WRONG_TILE_RATIO
+from ..settings.accuracy import DISPLAY_STEP, ROUNDING_VARIANCE
 from .evidence import TileEvidence
 
 CONFIDENCE_95_SIGMAS = 1.96
@@ -68,6 +69,13 @@ def of_one_pixel(evidence: TileEvidence, expected: Uncertain) -> Uncertain:
     excess, error = expected
     of_one = evidence.pixels / evidence.area
     return of_one * excess, of_one * error
+
+
+def is_wrong(excess: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether tiles (...) are wrong as `metrics.wrong_tiles` counts them, by the excess of a pixel of each and
+    the variance of its noise."""
+    render = 2.0 * noise
+    return (excess + render > WRONG_TILE_RATIO**2 * render) & (excess + render > DISPLAY_STEP**2)
 
 
 def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncertain:

@@ -18,10 +18,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.metrics import TILE_PX, WRONG_TILE_RATIO, bias_sigmas, tile_means, weighted_mean, weighted_percentile
-from ..settings.accuracy import DISPLAY_STEP
+from ..images.metrics import TILE_PX, bias_sigmas, tile_means, weighted_mean, weighted_percentile
 from .evidence import TileEvidence
-from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, of_one_pixel, remaining_excess
+from .expected_excess import (
+    CONFIDENCE_95_SIGMAS,
+    expected_excess,
+    is_wrong,
+    local_noise,
+    of_one_pixel,
+    remaining_excess,
+)
 from .tuning import TUNING
 
 
@@ -126,9 +132,8 @@ def wrong_tiles(evidence: TileEvidence) -> float:
         return 0.0
     expected = np.where(evidence.refined, 0.0, _expected(evidence)[0])
     excess = _block_means(evidence, np.maximum(expected, 0.0), 0.0)
-    render = 2.0 * _block_means(evidence, local_noise(evidence), evidence.mean_noise)
-    wrong = (excess + render > WRONG_TILE_RATIO**2 * render) & (excess + render > DISPLAY_STEP**2)
-    return weighted_mean(wrong, _block_weights(evidence))
+    noise = _block_means(evidence, local_noise(evidence), evidence.mean_noise)
+    return weighted_mean(is_wrong(excess, noise), _block_weights(evidence))
 
 
 def _expected(evidence: TileEvidence) -> tuple[NDArray, NDArray]:

@@ -15,6 +15,7 @@ from .evidence import TileEvidence
 from .expected_excess import (
     CONFIDENCE_95_SIGMAS,
     expected_excess,
+    is_wrong,
     local_noise,
     neighbours_excess,
     of_one_pixel,
@@ -25,11 +26,16 @@ from .tuning import TUNING
 
 
 def tiles_to_trace(
-    evidence: TileEvidence, promise: float, worst: float, *, unseen: float = 0.0
+    evidence: TileEvidence, promise: float, worst: float, *, unseen: float = 0.0, none_wrong: bool = False
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the tiles (N,) to be traced, by all rules, and those of them (N,) that their own probe helped to choose.
-    The other parameters are those of `choose_tiles`."""
+
+    With none_wrong, tiles that are likely to be wrong (`likely_wrong`) are among them, however little that adds to the
+    frame's ratio. The other parameters are those of `choose_tiles`.
+    """
     chosen = choose_tiles(evidence, promise, worst=worst, unseen=unseen)
+    if none_wrong:
+        chosen |= likely_wrong(evidence)
     by_own = outlier_tiles(evidence, worst, unseen=unseen) & ~chosen
     # That those around it are chosen is partly its own probe's doing.
     by_own |= enclosed_tiles(evidence, chosen | by_own)
@@ -80,6 +86,18 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
     told = noise if evidence.told_noise is None else evidence.told_noise
     doubt = TUNING.tile_outlier_sigmas * told * evidence.probes.weight
     return ~evidence.refined & (evidence.excess > np.maximum(limit, doubt))
+
+
+def likely_wrong(evidence: TileEvidence) -> NDArray[np.bool_]:
+    """Return the tiles (N,) that are likely to be wrong as `metrics.wrong_tiles` counts them, by the tiles around
+    alone: there, unlike in `worst_tiles`, a quiet tile's error is held against its own little noise.
+
+    There are none without noise, where whatever is off is traced anyway.
+    """
+    if not evidence.frame_noise:
+        return np.zeros_like(evidence.refined)
+    nearby, doubt = of_one_pixel(evidence, neighbours_excess(evidence, TUNING.tile_reach_tiles))
+    return ~evidence.refined & (nearby > doubt) & is_wrong(nearby, local_noise(evidence))
 
 
 def enclosed_tiles(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:

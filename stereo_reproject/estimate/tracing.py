@@ -259,7 +259,10 @@ class ProbedTracing:
 
     def _chosen_tiles(self, evidence: TileEvidence) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return what `tiles_to_trace` chooses by the target's accuracy."""
-        return tiles_to_trace(evidence, self._promise, self._accuracy.tile_limit, unseen=self._accuracy.unseen)
+        of = self._accuracy
+        return tiles_to_trace(
+            evidence, self._promise, of.tile_limit, unseen=of.unseen, none_wrong=of.promises_worst_tiles
+        )
 
     def _flag_refined(self, pixels: NDArray[np.bool_]) -> None:
         """Flag these pixels (H, W) of the target as refined, but for holes."""

@@ -34,9 +34,10 @@ class Accuracy:
     places no probes. probe_spacing: side in pixels of the tiles that have one probe each, in a picture of the size that
     `for_size` starts from. tile_limit: honest ratio above which a tile is traced even if the frame as a whole keeps its
     promise; 1.5 in place of 2 at `balanced` brings glass-vase at 960 x 540 with 64 samples from 1.077 to 1.046, for 1.7
-    % of an eye (docs/accuracy.md). promises_worst_tiles: True if the worst tiles must not exceed tile_limit either.
-    unseen_steps: standard deviation of noise, in display steps, that nobody sees; where the picture has less noise, a
-    tile's error is compared with this much.
+    % of an eye (docs/accuracy.md). promises_worst_tiles: True if the worst tiles must not exceed tile_limit either, and
+    no tile may be likely to be wrong (`images.metrics.wrong_tiles`); tiles of 6 pixels have probes enough to tell
+    (docs/accuracy.md). unseen_steps: standard deviation of noise, in display steps, that nobody sees; where the picture
+    has less noise, a tile's error is compared with this much.
     """
 
     silhouette_step: float
@@ -73,7 +74,7 @@ SETTINGS: dict[str, Accuracy] = {
         silhouette_radius=2,
         colour_tolerance=0.0,
         promise=1.02,
-        probe_spacing=8,
+        probe_spacing=6,
         tile_limit=1.2,
         promises_worst_tiles=True,
         unseen_steps=0.0,

@@ -186,8 +186,8 @@ class Scene:
 def prepare(
     name: str, options: argparse.Namespace, arrange: Callable[[Any], None] = lambda _: None, label: str = ""
 ) -> Scene:
-    """The scene's renders, made or from the cache, and the source warped by the cameras that it has. `arrange` changes
-    the working scene before; the cache knows the change by its label.
+    """The scene's renders, made or from the cache, and the source warped by the cameras that it has, at the accuracy
+    that was asked for. `arrange` changes the working scene before; the cache knows the change by its label.
     """
     from stereo_reproject.blender.engines.renderer import BlenderRenderer
     from stereo_reproject.blender.scene.working import open_blend, working_scene
@@ -206,7 +206,7 @@ def prepare(
         warped = reproject(
             [RenderedView(views[settings.source], source, invalid)],
             views[settings.target],
-            SHIPPED,
+            SETTINGS[options.accuracy],
             optics=Optics(renderer.lens, renderer.volumes),
             options=WarpOptions(settings.grid_threshold, *interpolations_of(settings.interpolation, denoised=False)),
         )
@@ -291,7 +291,7 @@ def _row(outcomes: Sequence[Outcome]) -> str:
     )
     spent = f"{100.0 * traced.mean():.1f} % | {np.sum(traced == 1.0)} of {traced.size}"
     bought = f"{honest.mean():.3f} | {honest.max():.3f} | {noise.mean():.3f}"
-    tiles = f"{worst.mean():.2f} | {100.0 * wrong.mean():.1f} %"
+    tiles = f"{worst.mean():.2f} | {100.0 * wrong.mean():.2f} %"
     told = f"{estimate.mean():.3f} | {np.sqrt(np.mean((estimate - honest) ** 2)):.3f}"
     return f"{spent} | {bought} | {tiles} | {told}"
 

@@ -92,8 +92,8 @@ def test_the_table_has_means_over_scenes_and_seeds_and_marks_what_ships():
     head, rule, *rows = table(outcomes, [knob]).splitlines()
     assert {line.count("|") for line in (head, rule, *rows)} == {12}
     assert rows == [
-        "| `tile_limit` | 1 | 20.0 % | 0 of 2 | 1.050 | 1.100 | 0.950 | 1.30 | 0.5 % | 1.000 | 0.071 |",
-        "| `tile_limit` | **1.5** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.000 | 1.10 | 0.0 % | 1.000 | 0.000 |",
+        "| `tile_limit` | 1 | 20.0 % | 0 of 2 | 1.050 | 1.100 | 0.950 | 1.30 | 0.50 % | 1.000 | 0.071 |",
+        "| `tile_limit` | **1.5** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.000 | 1.10 | 0.00 % | 1.000 | 0.000 |",
     ]
 
 

@@ -1,6 +1,6 @@
 """The target eye while it is made: what a pilot finds out early, and what refinement adds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,9 +8,9 @@ import pytest
 
 from stereo_reproject.estimate.target import Provenance
 from stereo_reproject.estimate.tracing import ProbedTracing, WarpedTarget
-from stereo_reproject.images.metrics import noise_ratio
+from stereo_reproject.images.metrics import noise_ratio, wrong_tiles
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.settings.accuracy import SETTINGS, for_size
+from stereo_reproject.settings.accuracy import DISPLAY_STEP, SETTINGS, for_size
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 from stereo_reproject.views.solid_angle import LEAST_WEIGHT
@@ -121,6 +121,42 @@ def test_refinement_takes_one_render_and_keeps_the_promise():
     assert refinement.pixels[:, :30].mean() > 0.8
     assert refinement.pixels[:, 60:].mean() < 0.1
     assert frame.ratio(eye) <= HIGH.promise + 0.02
+
+
+class QuietPart(Frame):
+    """A picture two fifths of which have next to no noise. There the warp is off to either side by four display steps,
+    some two after tone mapping: a third of the noise elsewhere, so that neither the frame nor its worst tiles call for
+    it."""
+
+    columns = slice(0, 96)
+    inside = slice(0, 80)
+    """Columns of whose noise those beside the quiet part tell nothing."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        off = 4.0 * DISPLAY_STEP * self.rng.choice([-1.0, 1.0], size=(*SIZE, 1))
+        self.reprojection.passes["Combined"][:, self.columns, :3] += off[:, self.columns].astype(np.float32)
+
+    def traced(self):
+        noisy = super().traced()
+        noisy[:, self.columns] += 0.99 * (self.truth - noisy)[:, self.columns]
+        return opaque(noisy)
+
+    def wrong_share(self, eye):
+        return wrong_tiles(*(picture[:, self.inside] for picture in (eye.target.colour, self.traced(), self.traced())))
+
+
+@pytest.mark.parametrize("none_wrong", [True, False])
+def test_where_no_tile_may_be_wrong_a_quiet_part_is_traced_though_the_frame_is_kept(none_wrong):
+    frame = QuietPart(holes=0.0)
+    exact = for_size(SETTINGS["exact"], SIZE[0] * SIZE[1])
+    assert exact.promises_worst_tiles
+    # Looser, so that chance has nothing traced.
+    eye = frame.eye(replace(exact, promise=1.1, tile_limit=2.0, promises_worst_tiles=none_wrong), asked="packed")
+    eye.fill()
+    refinement = eye.refine()
+    assert refinement.pixels.mean() == pytest.approx(1.0 / 3.0 if none_wrong else 0.0, abs=0.03)
+    assert frame.wrong_share(eye) == pytest.approx(0.0 if none_wrong else 1.0, abs=0.02)
 
 
 def test_where_tracing_the_rest_is_no_dearer_all_of_it_is_traced():

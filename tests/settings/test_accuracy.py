@@ -76,8 +76,8 @@ def test_the_next_better_setting_promises_more_until_there_is_none():
         ("preview", (480, 270), 12),
         ("preview", (960, 540), 18),
         ("preview", (1920, 1080), 24),
-        ("exact", (320, 180), 8),
-        ("exact", (7680, 4320), 8),
+        ("exact", (320, 180), 6),
+        ("exact", (7680, 4320), 6),
     ],
 )
 def test_tiles_grow_with_pictures_but_where_the_worst_are_promised_something(name, size, spacing):
