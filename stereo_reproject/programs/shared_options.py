@@ -154,7 +154,8 @@ def _add_panorama(parser: argparse.ArgumentParser) -> None:
             const=(),
             type=value_of(SceneOverrides, "size", panorama_size(name)),
             help=f"{what} for headsets, from the camera's place and with its heading: it stands upright, so pitch and "
-            f"roll are left out, and depth of field is off; SIZE is one eye's, WxH or {short} ({width}x{height})",
+            f"roll are left out, and depth of field is off; SIZE is one eye's, {short} ({width}x{height}), or WxH of "
+            "any shape: the same view, with pixels of other angles across than down",
         )
 
 

@@ -41,7 +41,7 @@ Depths = dict[str, NDArray[np.float32]]
 
 def main() -> None:
     """Render the eyes, and print a line for each way to draw the map."""
-    options = _options()
+    options = options_of(__doc__)
     cameras, depths = rendered(options)
     source, target = cameras["left"], cameras["right"]
     depth = depths["left"]
@@ -65,7 +65,7 @@ def main() -> None:
     print(f"{depth.shape[1]} x {depth.shape[0]}, {grid.subdivided.mean():.0%} of the cells subdivided")
     for name, draw in ways.items():
         x = draw()
-        off = np.abs(_within_half_a_turn(x - true, source))[known & np.isfinite(x)]
+        off = np.abs(within_half_a_turn(x - true, source))[known & np.isfinite(x)]
         errors = ", ".join(
             f"{percent:g} %: {error:.1e}"
             for percent, error in zip(PERCENTILES, np.percentile(off, PERCENTILES), strict=True)
@@ -110,16 +110,16 @@ def true_places(source: Camera, target: Camera, depths: Depths) -> tuple[NDArray
     return true, known
 
 
-def _within_half_a_turn(difference: NDArray, camera: Camera) -> NDArray:
+def within_half_a_turn(difference: NDArray, camera: Camera) -> NDArray:
     """Return differences of columns with whole turns taken off."""
     if not np.isfinite(camera.period_px):
         return difference
     return difference - camera.period_px * np.round(difference / camera.period_px)
 
 
-def _options() -> argparse.Namespace:
-    """Return what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def options_of(description: str | None) -> argparse.Namespace:
+    """Return what the command line asks for; description is what its help says of the program."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", type=Path)
     parser.add_argument("--panorama", choices=("vr180", "vr360"), default="vr180")
     parser.add_argument("--size", default="1024x1024", metavar="WxH")

@@ -125,6 +125,19 @@ def test_the_table(empty_folder):
     assert "denoising" in finished.stdout
 
 
+# What stands between the eyes
+
+
+@pytest.mark.parametrize(("interocular", "lines"), [(0.05, 0), (9.0, 1)])
+def test_what_stands_between_the_eyes_of_a_panorama_is_told_by_the_sketch(mirror_scene, tmp_path, interocular, lines):
+    asked = SceneOverrides(panorama="vr180", size=(32, 32), samples=1, interocular_distance=interocular)
+    found = inspect_scene(mirror_scene, StereoSettings(scene=asked), tmp_path)
+    assert len(found["warnings"]) == lines
+    assert all("what is nearer to the camera than its interocular distance" in line for line in found["warnings"])
+    unseen = inspect_scene(mirror_scene, StereoSettings(scene=asked), tmp_path, sketch=False)
+    assert unseen["warnings"] == []
+
+
 # Bad input
 
 

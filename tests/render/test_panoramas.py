@@ -48,6 +48,9 @@ pixels softens edges."""
 DEPTH = 3e-3
 """Relative; depths of the ball's 32 x 16 faces and of small boxes are interpolated."""
 
+NEAR_CLIP = 2.6
+"""Scene units: there are boxes from 1.5 on."""
+
 RIGHT_DEPTH = 0.9
 """Share of target pixels whose depth is that: the others lie on edges, and all of these boxes are small."""
 
@@ -94,6 +97,21 @@ def test_packed_pixels_are_blenders(scene, tmp_path, lens, stereo, packed_by):
     set_up(scene, lens, stereo)
     scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
     scene.view_layers[0].use_pass_position = True
+    assert_packed_is_plain(scene, tmp_path, packed_by)
+
+
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
+@pytest.mark.parametrize("lens", ["VR180", "equidistant", "cylinder"])
+def test_packed_pixels_where_the_near_clip_cuts(scene, tmp_path, lens, packed_by):
+    """It is a distance from the eye, and boxes stand on either side of it."""
+    set_up(scene, LENSES[lens], SPHERICAL)
+    scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
+    scene.view_layers[0].use_pass_position = True
+    whole = render_plain(scene, tmp_path)["right"][DEPTH_PASS]
+    scene.camera.data.clip_start = NEAR_CLIP
+    cut = render_plain(scene, tmp_path)["right"][DEPTH_PASS]
+    assert np.mean((whole > 0.0) & (whole < 0.99 * NEAR_CLIP)) > 0.02
+    assert np.mean((cut > NEAR_CLIP) & (cut < 5.0)) > 0.05
     assert_packed_is_plain(scene, tmp_path, packed_by)
 
 
@@ -280,6 +298,50 @@ def test_a_pair(scene, tmp_path, lens, stereo):
         assert not np.isnan(eyes[view]["Depth.Z"]).any()
     assert np.all(np.isposinf(expected[nothing]))
     assert np.all(depth[nothing] == SKY_DEPTH_IN_FILES)
+
+
+@pytest.mark.parametrize(
+    ("lens", "stereo"),
+    [
+        ("VR180", SPHERICAL),
+        ("360", SPHERICAL),
+        ("equidistant", SPHERICAL),
+        ("cube face", SPHERICAL),
+        ("VR180", STEREOS["toe-in"]),
+    ],
+)
+def test_positions_of_a_pair(scene, tmp_path, lens, stereo):
+    """Warped and traced ones are where multiview's are, and those of the other eye are not."""
+    set_up(scene, LENSES[lens], stereo)
+    scene.view_layers[0].use_pass_position = True
+    plain = render_plain(scene, tmp_path)["right"]
+    report, eyes = render_pair(scene, tmp_path, fill="packed")
+    assert 0.0 < report["fractions"]["rerendered"] < MOST_TRACED
+    depth = plain[DEPTH_PASS][..., 0]
+    hit = np.isfinite(depth) & (depth > 0.0)
+    ours, other = (np.stack([eyes[view][f"Position.{axis}"] for axis in "XYZ"], axis=-1) for view in ("right", "left"))
+    off, unconverted = (np.linalg.norm(place - plain["Position"], axis=-1)[hit] / depth[hit] for place in (ours, other))
+    assert np.median(off) < DEPTH
+    assert np.mean(off < DEPTH) > RIGHT_DEPTH
+    assert np.mean(unconverted < DEPTH) < 0.3
+
+
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
+def test_a_pair_of_a_perspective_camera_with_spherical_stereo(scene, tmp_path, packed_by):
+    """Tilted: its eyes stand on a circle around the world's Z axis."""
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    data = scene.camera.data
+    data.type, data.lens = "PERSP", 20.0
+    scene.camera.rotation_euler.x = 0.5
+    first, second = (render_plain(scene, tmp_path, seed=seed) for seed in (101, 102))
+    report, eyes = render_pair(scene, tmp_path, fill="packed", packed_by=packed_by)
+    assert report["fill"]["camera"] == packed_by
+    assert 0.0 < report["fractions"]["rerendered"] < MOST_TRACED
+    noise = rms(colour(second["right"]) - colour(first["right"]))
+    assert rms(rgb(eyes["right"]) - colour(first["right"])) < SOFTENED * noise
+    assert rms(colour(first["left"]) - colour(first["right"])) > 3.0 * noise
+    depth, expected = eyes["right"]["Depth.Z"], first["right"][DEPTH_PASS][..., 0]
+    assert np.mean(np.abs(depth / expected - 1.0) < DEPTH) > RIGHT_DEPTH
 
 
 @pytest.mark.parametrize(("lens", "stereo"), [("VR180", SPHERICAL), ("360", SPHERICAL), ("VR180", STEREOS["toe-in"])])

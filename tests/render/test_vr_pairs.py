@@ -25,6 +25,11 @@ LEAST, _ = SIZES_PX
 OPTIONS = ("--samples", "1", "--no-denoise", "--interocular", "0.2", "--mode", "parallel")
 
 
+DEGREES = {"vr180": 180.0, "vr360": 360.0}
+BOX_DEGREES = 2.0 * np.degrees(np.arctan(1.0 / 5.8))
+"""Width and height of the Cornell box's opening: 2 units wide, 5.8 before its camera."""
+
+
 def eye(path):
     with OpenEXR.File(str(path)) as file:
         channels = file.channels()
@@ -32,10 +37,17 @@ def eye(path):
 
 
 @pytest.mark.parametrize(
-    ("option", "panorama", "size"), [("--vr180=64", "vr180", [64, 64]), ("--vr360=128", "vr360", [128, 64])]
+    ("option", "panorama", "size"),
+    [
+        ("--vr180=64", "vr180", [64, 64]),
+        ("--vr360=128", "vr360", [128, 64]),
+        ("--vr180=128x64", "vr180", [128, 64]),
+        ("--vr360=64x64", "vr360", [64, 64]),
+    ],
 )
 def test_a_pair_of_the_cornell_box(tmp_path, option, panorama, size):
-    """The box stands in the middle of the picture, and around it there is nothing."""
+    """The box stands in the middle of the picture, and around it there is nothing. Whatever the picture's shape, it is
+    as many degrees wide, and high."""
     run = render(DEMO, tmp_path / "out", option, *OPTIONS)
     assert (run.status, run.err) == (0, "")
     report = run.report
@@ -50,7 +62,9 @@ def test_a_pair_of_the_cornell_box(tmp_path, option, panorama, size):
         assert picture.shape[:2] == (height, width)
         y, x = np.nonzero(picture[..., :3].max(axis=-1))
         assert (x.mean(), y.mean()) == pytest.approx((0.5 * width, 0.5 * height), abs=1.5)
-        assert x.max() - x.min() < 0.25 * width
+        # It begins and ends within pixels, and the filter reaches beyond.
+        for at, degrees in ((x, DEGREES[panorama] / width), (y, 180.0 / height)):
+            assert (np.ptp(at) + 1) * degrees == pytest.approx(BOX_DEGREES, abs=2.0 * degrees)
 
 
 def test_a_report_warns_of_lost_depth_of_field_and_others_name_no_panorama(tmp_path):
@@ -171,6 +185,19 @@ def test_a_movie_of_h265_is_half_equirectangular_and_side_by_side(wide_box, tmp_
     assert content_of(movie, b"hfov") == [struct.pack(">I", 180_000)]
 
 
+@pytest.mark.parametrize(("kind", "lines"), [("FISHEYE_EQUIDISTANT", 1), ("EQUIRECTANGULAR", 0)])
+def test_a_movie_of_a_fisheye_is_one_warning(wide_box, tmp_path, kind, lines):
+    scene = open_blend(wide_box)
+    scene.camera.data.type, scene.camera.data.panorama_type = "PANO", kind
+    folder = tmp_path / "out"
+    options = ("--size=32x32", "--layout=side-by-side", "--movie")
+    run = animate(save(scene, tmp_path / "box.blend"), folder, *options)
+    assert (run.returncode, run.stderr.count("\n")) == (0, lines)
+    assert ("movies have no mark for such a panorama" in run.stderr) == bool(lines)
+    (movie,) = folder.glob("*.mp4")
+    assert bool(content_of(movie, b"equi")) == (not lines)
+
+
 def test_pictures_of_the_cutouts_come_with_those_of_the_holes(wide_box, tmp_path):
     folder = tmp_path / "out"
     run = animate(wide_box, folder, "--vr180=64", "--holes")
@@ -277,10 +304,14 @@ def within(**lens):
     return scene
 
 
-def test_limits_of_a_pole_merge_that_cross_are_one_line(tmp_path):
+@pytest.mark.parametrize("options", [("--size", "64x64"), ("--vr180=64",), ("--vr360=64", "--strict")])
+def test_limits_of_a_pole_merge_that_cross_are_one_line(tmp_path, options):
+    """By whichever option: of a pair that is not rendered nothing else is said."""
     merge = {"pole_merge_angle_from": 1.2, "pole_merge_angle_to": 0.9}
-    scene = within(type="PANO", use_spherical_stereo=True, use_pole_merge=True, **merge)
-    run = render(save(scene, tmp_path / "box.blend"), tmp_path / "out", "--size", "64x64", *OPTIONS)
+    lens = {"type": "PANO", "panorama_type": "EQUIRECTANGULAR"}
+    scene = within(**lens, use_spherical_stereo=True, use_pole_merge=True, **merge)
+    options = (*OPTIONS, "--mode", "off-axis", *options)
+    run = render(save(scene, tmp_path / "box.blend"), tmp_path / "out", *options)
     assert (run.status, run.out, run.err.count("\n")) == (2, "", 1)
     assert "the pole merge of the camera starts at 68.8° and ends at 51.6°: set its end above its start" in run.err
     assert not run.folder.exists()

@@ -57,8 +57,9 @@ def inspect_scene(
             rows = effects_rows(renderer.plan)
             passes = _passes(working, renderer)
             alone = first_layer_alone(scene, "what is found and predicted is that")
-            warnings = [*scene_warnings(scene, settings.scene), *renderer.warnings, *alone]
             predicted, parallax = foresee(renderer, settings, full, rows, on_stage) if sketch else (None, None)
+            # The sketch shows what stands between the eyes.
+            warnings = [*scene_warnings(scene, settings.scene), *renderer.warnings, *alone]
     return {
         **{key: value for key, value in as_json(header).items() if key not in ("stereo", "scene_datablock")},
         "schema": INSPECTION_SCHEMA,

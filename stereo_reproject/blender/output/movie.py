@@ -60,14 +60,28 @@ def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[
     return [path.with_stem(f"{path.stem}{suffix}") for suffix, _ in _parts(scene, layout)]
 
 
-def movie_warnings(path: Path, layout: str | None, panorama: MoviePanorama | None = None) -> list[str]:
+def movie_warnings(
+    path: Path, layout: str | None, panorama: MoviePanorama | None = None, *, lacks_mark: bool = False
+) -> list[str]:
     """Return warnings where players would take the movie for one of another layout or projection, or cannot know its
-    own; else an empty list. panorama is the part of the sphere that it shows, None for a planar movie.
+    own; else an empty list. panorama is the part of the sphere that it shows, None for a planar movie. lacks_mark: True
+    for a panorama that no mark can say, whose panorama is None too.
     """
     if layout is None:
         return []
-    tag, degrees = contradicting_tag(path, LAYOUTS[layout]), contradicting_degrees(path, panorama)
-    warnings = []
+    degrees = contradicting_degrees(path, panorama)
+    if not lacks_mark:
+        return _name_warnings(path, layout, panorama, degrees)
+    said = f"movies have no mark for such a panorama: players show {path.name} as a flat picture"
+    if degrees is not None:
+        said = f"players take {degrees} in {path.name} for an equirectangular panorama, which it is not"
+    return [f"{said}; they know equirectangular ones", *_name_warnings(path, layout, None, None)]
+
+
+def _name_warnings(path: Path, layout: str, panorama: MoviePanorama | None, degrees: str | None) -> list[str]:
+    """Return warnings of a movie's name, by its layout and the part of the sphere that it shows. degrees is a word in
+    it by which players would take the movie for another panorama, None without any."""
+    tag, warnings = contradicting_tag(path, LAYOUTS[layout]), []
     if tag is not None:
         warnings.append(f"players take {tag} in {path.name} for another layout than {layout}")
     if degrees is not None:

@@ -11,6 +11,7 @@ from ...delivery.projection import MoviePanorama, panorama_of
 from ...errors import BadInputError
 from ...views.panorama import PanoramicCamera
 from ...views.projections import Equirectangular
+from ..scene.panoramas import is_panorama
 from ..scene.rendered import camera_at
 from ..scene.rig import stereo_cameras
 from ..scene.vr_cameras import HALF_WIDTHS
@@ -21,9 +22,19 @@ def movie_panorama(scene: bpy.types.Scene, frames: Iterable[int], asked: str | N
     cameras than equirectangular ones, and where not all frames show the same part. asked is the panorama that cameras
     are made for the render, as `SceneOverrides` has it.
     """
-    cameras = {camera.name_full: camera for camera in (camera_at(scene, frame) for frame in frames) if camera}
-    shown = {_panorama(camera, scene.render, asked) for camera in cameras.values()}
+    shown = {_panorama(camera, scene.render, asked) for camera in _cameras(scene, frames)}
     return shown.pop() if len(shown) == 1 else None
+
+
+def shows_panorama(scene: bpy.types.Scene, frames: Iterable[int], asked: str | None = None) -> bool:
+    """Return whether any of these frames shows a panorama, of whatever projection. asked is as for `movie_panorama`."""
+    return asked is not None or any(is_panorama(camera) for camera in _cameras(scene, frames))
+
+
+def _cameras(scene: bpy.types.Scene, frames: Iterable[int]) -> Iterable[bpy.types.Object]:
+    """Return the cameras of these frames, each once."""
+    found = (camera_at(scene, frame) for frame in frames)
+    return {camera.name_full: camera for camera in found if camera}.values()
 
 
 def _panorama(camera: bpy.types.Object, render: bpy.types.RenderSettings, asked: str | None) -> MoviePanorama | None:

@@ -108,6 +108,7 @@ def quilt_output_of(
         values=values,
         half_floats=True,
         panorama=None,
+        lacks_mark=False,
         frames=files,
     )
     if quilt is not None and options.movie is not None:

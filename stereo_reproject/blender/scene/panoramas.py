@@ -46,15 +46,25 @@ def spherical_stereo(data: bpy.types.Camera, view: str) -> SphericalStereo | Non
         return None
     side = {"left": -0.5, "right": 0.5}.get(view, 0.0)
     parallel = stereo.convergence_mode == "PARALLEL"
-    # Without an end above 0 Cycles merges nothing.
-    merged = stereo.use_pole_merge and stereo.pole_merge_angle_to > 0.0
-    if merged and stereo.pole_merge_angle_from > stereo.pole_merge_angle_to:
+    merged = _merges_poles(stereo)
+    if pole_merge_crosses(stereo):
         first, last = (f"{np.degrees(a):.3g}°" for a in (stereo.pole_merge_angle_from, stereo.pole_merge_angle_to))
         message = "the pole merge of the camera starts at {first} and ends at {last}: set its end above its start"
         raise BadInputError(Words(message, first=first, last=last))
     poles = PoleMerge(stereo.pole_merge_angle_from, stereo.pole_merge_angle_to) if merged else None
     distance = np.inf if parallel else stereo.convergence_distance
     return SphericalStereo(side * stereo.interocular_distance, distance, poles)
+
+
+def pole_merge_crosses(stereo: bpy.types.CameraStereoData) -> bool:
+    """Return whether the pole merge of spherical stereo starts beyond its end, so that nothing can be rendered."""
+    return _merges_poles(stereo) and stereo.pole_merge_angle_from > stereo.pole_merge_angle_to
+
+
+def _merges_poles(stereo: bpy.types.CameraStereoData) -> bool:
+    """Return whether the eyes of spherical stereo come together at the poles: Cycles merges nothing without an end
+    above 0."""
+    return stereo.use_pole_merge and stereo.pole_merge_angle_to > 0.0
 
 
 def panorama_projection(data: bpy.types.Camera, render: bpy.types.RenderSettings) -> Projection:

@@ -16,6 +16,7 @@ from ...settings.frame import SceneOverrides
 from ...views.comfort import MAX_VERGENCE_DEGREES, turned_apart_degrees
 from ...words import Words
 from .animated import animated_values
+from .panoramas import pole_merge_crosses
 from .rendered import CYCLES
 
 NAMES = {"vr180": "VR180", "vr360": "360°"}
@@ -63,11 +64,11 @@ def check_vr(
 
 def vr_warnings(camera: bpy.types.Object | None, overrides: SceneOverrides) -> list[str]:
     """Return a line for what is not as a viewer with a headset needs it, where the overrides ask for a panorama: a
-    depth of field that is left out, and eyes that turn apart. Of a camera that `check_vr` refuses nothing is said."""
+    depth of field that is left out, and eyes that turn apart. Of a camera that is refused nothing is said."""
     if overrides.panorama is None or camera is None or camera.type != "CAMERA":
         return []
     data, warnings = camera.data, []
-    if data.type == "PANO" and data.panorama_type != "EQUIRECTANGULAR":
+    if data.type == "PANO" and (data.panorama_type != "EQUIRECTANGULAR" or _has_crossed_limits(data.stereo)):
         return []
     if data.type == "PERSP" and data.dof.use_dof:
         how = f"the {NAMES[overrides.panorama]} panorama is sharp everywhere, since a headset cannot focus"
@@ -83,6 +84,11 @@ def vr_warnings(camera: bpy.types.Object | None, overrides: SceneOverrides) -> l
             how = "set the convergence mode to parallel, or the convergence distance farther away"
             warnings.append(f"in a headset, eyes turn apart by {apart:.1f}° to look at what is far away: {how}")
     return warnings
+
+
+def _has_crossed_limits(stereo: bpy.types.CameraStereoData) -> bool:
+    """Return whether a panorama is refused for its own stereo settings."""
+    return stereo.use_spherical_stereo and pole_merge_crosses(stereo)
 
 
 def made_parallel(data: bpy.types.Camera, overrides: SceneOverrides) -> bool:

@@ -1,14 +1,15 @@
-"""FLIP in a comparison with multiview: by the weight of each pixel, and left out where it cannot be had."""
+"""A comparison with multiview: by the weight of each pixel, and without FLIP where that cannot be had."""
 
 import sys
 
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.commands.compare import MultiviewReference, flips, seen_pictures
-from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.blender.commands.compare import MultiviewReference, flips, render_reference, seen_pictures
+from stereo_reproject.images.metrics import rmse
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.views.solid_angle import pixel_weights
-from tests.blender.toolbox import add_camera, empty_scene
+from tests.blender.toolbox import add_camera, add_sphere, emission, empty_scene
 from tests.views.test_cutouts import VR360, camera
 
 
@@ -36,6 +37,27 @@ def test_pixels_at_a_pole_count_for_little(reference, tmp_path):
     alike = MultiviewReference("CYCLES", 1.0, reference.reference, reference.again, 1.0)
     unweighted, _ = flips(scene, StereoSettings(), ours, alike, tmp_path)
     assert 0.0 < error < 0.6 * unweighted
+
+
+FLAT = 5e-3
+"""Relative: a pixel of six degrees, as flat as it is taken to be, is by so much smaller than the curved one."""
+
+
+def test_a_panorama_is_judged_by_what_its_pixels_show(tmp_path):
+    """Both eyes that multiview renders: their rows count by the cosine of their altitude."""
+    scene = empty_scene(8, 8, samples=1)
+    add_sphere(scene, emission(colour=(0.5, 0.5, 0.5)), radius=3.0, location=(0, 0, 0))
+    add_camera(scene)
+    settings = StereoSettings(scene=SceneOverrides(panorama="vr180", size=(32, 32)))
+    target = render_reference(scene, settings, tmp_path, light_scale=1.0, both=True)
+    cosine = np.cos((0.5 - (np.arange(32) + 0.5) / 32) * np.pi)
+    for eye in (target, target.first):
+        ours = eye.reference.copy()
+        ours[:5, :, :3] *= 4.0
+        alike = rmse(ours, eye.reference)
+        found = eye.judge(ours, np.ones((32, 32), np.float32))["rmse"]
+        assert found == pytest.approx(alike * np.sqrt(cosine[:5].sum() / cosine.sum() * 32 / 5), rel=FLAT)
+        assert found < 0.7 * alike
 
 
 FILM_GREY = 0.18

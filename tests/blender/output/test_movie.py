@@ -13,7 +13,7 @@ from stereo_reproject.blender.output.animation_output import output_of
 from stereo_reproject.blender.output.delivery import deliver_frames
 from stereo_reproject.blender.output.layouts import as_ordered, save_display_values
 from stereo_reproject.blender.output.movie import check_movie, movie_warnings, write_movie
-from stereo_reproject.blender.output.movie_panorama import movie_panorama
+from stereo_reproject.blender.output.movie_panorama import movie_panorama, shows_panorama
 from stereo_reproject.delivery.projection import FRONT, WHOLE, MoviePanorama
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.images.passes import COLOUR_PASS
@@ -217,6 +217,23 @@ def test_planar_pictures_and_other_projections_show_no_part_of_the_sphere(scene)
     assert movie_panorama(scene, [1]) is None
 
 
+def test_a_panorama_of_any_projection_is_one(scene):
+    assert not shows_panorama(scene, [1])
+    assert shows_panorama(scene, [1], "vr180")
+    scene.camera.data.stereo.use_spherical_stereo = True
+    assert not shows_panorama(scene, [1]), "players show it flat, as it is"
+    other = scene.camera.copy()
+    other.data = scene.camera.data.copy()
+    set_panoramic(other, kind="FISHEYE_EQUIDISTANT")
+    for frame, camera in ((1, scene.camera), (10, other)):
+        scene.timeline_markers.new("", frame=frame).camera = camera
+    assert not shows_panorama(scene, range(1, 10))
+    assert shows_panorama(scene, range(1, 20))
+    scene.timeline_markers.clear()
+    scene.camera = None
+    assert not shows_panorama(scene, [1])
+
+
 def test_what_the_frame_leaves_out_is_cut_away(scene):
     set_panoramic(scene.camera, degrees=360)
     render = scene.render
@@ -415,6 +432,23 @@ def test_a_name_that_tells_players_something_else_or_too_little_is_warned_of(nam
 )
 def test_a_name_that_tells_another_projection_is_warned_of(name, layout, panorama, warning):
     assert movie_warnings(Path(name), layout, panorama) == ([warning] if warning else [])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("film.mp4", "movies have no mark for such a panorama: players show film.mp4 as a flat picture"),
+        ("film_180_LR.mp4", "players take 180 in film_180_LR.mp4 for an equirectangular panorama, which it is not"),
+    ],
+)
+def test_a_panorama_without_a_mark_is_one_warning(name, said):
+    (warning,) = movie_warnings(Path(name), "side-by-side", lacks_mark=True)
+    assert warning == f"{said}; they know equirectangular ones"
+
+
+def test_other_warnings_of_its_name_stay():
+    assert len(movie_warnings(Path("film_TB.mp4"), "side-by-side", lacks_mark=True)) == 2
+    assert len(movie_warnings(Path("film.avi"), "side-by-side", lacks_mark=True)) == 2
 
 
 def test_a_name_may_tell_two_wrong_things():
