@@ -24,14 +24,12 @@ from ..views.solid_angle import PixelWeight, shown_pixels
 from .estimator import Estimator, estimator_of
 from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, with_refined
 from .expected_excess import local_noise
+from .missing import NOTHING_DIFFERS, PROMISES_NOTHING
 from .noise_ratio import Estimate, as_rendered, estimate
 from .probes import Probes, place_random_probes
 from .refinement import choose_tiles, tiles_to_trace
 from .target import Provenance, Target
 from .tuning import TUNING
-
-PROMISES_NOTHING = "this accuracy promises nothing, and has no probes"
-NOTHING_DIFFERS = "nothing that is seen looks different from each eye, and calls for probes"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..estimate.tracing import NOTHING_DIFFERS
+from ..estimate.missing import NOTHING_DIFFERS
 from ..pipeline.stages import OUTSIDE_TOTAL, Stage
 from ..settings.accuracy import SETTINGS
 from ..settings.animation import KEY_FRAME, spelled

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereo_reproject.estimate.missing import NOTHING_DIFFERS
 from stereo_reproject.estimate.noise_ratio import Estimate
-from stereo_reproject.estimate.tracing import NOTHING_DIFFERS, Refinement
+from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.matching.matching import Correction

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject.estimate.tracing import NOTHING_DIFFERS, PROMISES_NOTHING
+from stereo_reproject.estimate.missing import NOTHING_DIFFERS, PROMISES_NOTHING
 from stereo_reproject.report.verdict import (
     AS_GOOD,
     NEARLY_AS_GOOD,
