@@ -96,7 +96,8 @@ def render_from_key(
 
     seeds = [renderer.seed + PROBE_SEED_STEP * (2 * changed.number + eye) for eye in range(len(tasks))]
     movers = [changed.movers.get(task.target.name) for task in tasks]
-    source = key.source if changed.stale is None else _still_there(key.source, changed.stale)
+    source = _denoised_by(renderer, key.source)
+    source = source if changed.stale is None else _still_there(source, changed.stale)
     watch.lap(Stage.WARP)
     warped = warp_sources(tasks[0], [source], seed=seeds[0], movers=movers[:1])
     if float(np.mean(warped.reprojection.reasons > 0)) > TUNING.max_traced_of_key:
@@ -110,6 +111,13 @@ def render_from_key(
     second = _completed(tasks[1], sources, warped)
     watch.lap(Stage.ACCOUNT)
     return _frame(key, first, second)
+
+
+def _denoised_by(renderer: Renderer, source: Source) -> Source:
+    """Return a source whose denoiser is this frame's: that of the key frame may have gone with its scene."""
+    if source.denoising is None or renderer.denoise is None:
+        return source
+    return replace(source, denoising=replace(source.denoising, denoise=renderer.denoise))
 
 
 def _still_there(source: Source, stale: NDArray[np.bool_]) -> Source:

@@ -78,6 +78,15 @@ def test_frames_are_made_by_the_camera_without_osl_too(tmp_path):
     assert [row["reuse"]["key_frame"] for row in report["frames"]] == [None, 1]
 
 
+def test_frames_after_a_compared_key_frame_are_denoised(tmp_path):
+    """A comparison leaves nothing of the scene in which the key frame was rendered and denoised."""
+    scene = small_studio(tmp_path, moving_camera, as_exr, lit=True)
+    denoised = replace(SETTINGS, scene=replace(SETTINGS.scene, denoise=True))
+    report = frames_of(scene, tmp_path / "all", frames=(1, 2), settings=denoised, reuse=2, compare_every=2)
+    assert "compare" in report["frames"][0]
+    assert [row["reuse"]["key_frame"] for row in report["frames"]] == [None, 1]
+
+
 def test_what_moves_is_where_a_plain_render_has_it(tmp_path):
     """The box goes on by some pixels: without being traced anew it would stay behind."""
     scene = small_studio(tmp_path, nudged_box, as_exr, lit=True)
