@@ -14,6 +14,8 @@ import bpy
 import numpy as np
 
 from .animated import curves_of
+from .setting_up import DRIVEN_SEED
+from .visible import lens_of
 from .working import is_kept, rendered_layer
 
 SURFACES = frozenset({"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"})
@@ -76,6 +78,8 @@ def state_of(scene: bpy.types.Scene) -> SceneState:
         values = _of_block(block, depsgraph, scene)
         if values:
             others.setdefault(f"{what} {block.name_full}", hashlib.sha256()).update(values)
+    # What is out of focus, or cut by a clip distance, is so in the whole picture.
+    others[f"lens {scene.camera.name_full}"] = hashlib.sha256(repr(lens_of(scene)).encode())
     return SceneState(*({name: found.hexdigest() for name, found in each.items()} for each in (surfaces, others)))
 
 
@@ -151,7 +155,7 @@ def _values(block: bpy.types.ID, evaluated: bpy.types.ID) -> bytes:
     found: list[tuple[str, int, str]] = []
     for curve in curves_of(block):
         path = curve.data_path
-        if path.endswith(SEED) or path.startswith(("location", "rotation", "scale", "delta_")):
+        if path.endswith((SEED, f'["{DRIVEN_SEED}"]')) or path.startswith(("location", "rotation", "scale", "delta_")):
             continue
         try:
             value: Any = evaluated.path_resolve(path)

@@ -77,6 +77,17 @@ def other_seeds(scene):
     keyed(scene.cycles, "seed", 1, 20)
 
 
+def driven_seed(scene):
+    """`#frame` in the field, as most people animate it."""
+    scene.cycles.driver_add("seed").driver.expression = "frame"
+
+
+def pulled_focus(scene):
+    camera = scene.camera.data
+    camera.dof.use_dof = True
+    keyed(camera.dof, "focus_distance", 1.0, 5.0)
+
+
 def animated_but_still(scene):
     keyed(bpy.data.objects["Box"], "location", 0.25, 0.25, 0)
 
@@ -91,10 +102,16 @@ def states(tmp_path, *changes):
     return found
 
 
-@pytest.mark.parametrize("change", [moving_camera, other_seeds, animated_but_still])
+@pytest.mark.parametrize("change", [moving_camera, other_seeds, driven_seed, animated_but_still])
 def test_camera_and_noise_are_no_change(tmp_path, change):
     first, later, _ = states(tmp_path, change)
     assert (later.moved_since(first), later.changed_since(first)) == ([], [])
+
+
+def test_a_pulled_focus_is_a_change(tmp_path):
+    first, later, again = states(tmp_path, pulled_focus)
+    assert [name.split()[0] for name in later.changed_since(first)] == ["lens"]
+    assert again.changed_since(first) == []
 
 
 @pytest.mark.parametrize("change", [moving_box, box_on_a_moving_empty, bent_box, hidden_box])
