@@ -23,7 +23,7 @@ def fine_detail(
     """Return (H, W) target pixels whose detail is lost by more than the accuracy tolerates.
 
     warped is the target as the source shows it. kept (H, W) are the pixels that nothing else has traced: in a denoised
-    picture detail counts only among them, and alpha apart from the colour, because no denoiser takes its noise away.
+    picture none but them is returned, and alpha counts apart from the colour, because no denoiser takes its noise away.
     """
     result = _lost_detail(source, warped, kept, accuracy)
 
@@ -43,7 +43,7 @@ def _lost_detail(
         result |= _blurred(warped.sharpness, accuracy)
     if NOISY_PASS in warped.passes:
         colour = warped.passes[COLOUR_PASS]
-        result |= _finer_than_denoised(colour, kept, accuracy)
+        result |= kept & _finer_than_denoised(colour, warped.warp.covered, accuracy)
         if judged_channels(colour, kept) > COLOUR_CHANNELS:
             result |= kept & _blurred(_sharpness_of_alpha(source, warped, kept), accuracy)
     return result
@@ -74,22 +74,24 @@ def _as_light(alpha: NDArray[np.float32]) -> NDArray[np.float32]:
     return light
 
 
-def _finer_than_denoised(colour: NDArray[np.float32], kept: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels of a denoised picture that show detail which a denoiser leaves otherwise in each eye:
-    a lookup between pixels loses some of it, and what a denoiser keeps of it depends on where the pixels lie.
+def _finer_than_denoised(
+    colour: NDArray[np.float32], covered: NDArray[np.bool_], accuracy: Accuracy
+) -> NDArray[np.bool_]:
+    """Return (H, W) target pixels of a denoised picture around which it has detail that a denoiser leaves otherwise in
+    each eye: a lookup between pixels loses some of it, and what a denoiser keeps of it depends on where the pixels lie.
 
-    It is told by the second differences, down and across, of the tone-mapped colour: their mean square over 3 x 3
-    pixels is above what the accuracy tolerates. Only those count that lie in kept (H, W) altogether.
+    It is told by the second differences, down and across, of the tone-mapped colour (H, W, >= 3): their mean square
+    over 5 x 5 pixels is above what the accuracy tolerates. Pixels that are traced anyway count too, since a denoiser
+    spreads what happens at an edge over the pixels beside it. Those that are not covered (H, W) count as black: nothing
+    is known of what they hide, and beside something bright that may be off by as much.
     """
-    around = np.pad(kept, 1)
-    known = kept & around[1:-1, 2:] & around[1:-1, :-2] & around[2:, 1:-1] & around[:-2, 1:-1]
-    squares = np.zeros(kept.shape, np.float32)
+    squares = np.zeros(covered.shape, np.float32)
     for channel in range(COLOUR_CHANNELS):
-        toned = np.pad(judged_channel(colour, channel), 1, mode="edge")
+        toned = np.pad(np.where(covered, judged_channel(colour, channel), np.float32(0.0)), 1, mode="edge")
         middle = toned[1:-1, 1:-1]
         squares += (middle - 0.5 * (toned[1:-1, 2:] + toned[1:-1, :-2])) ** 2
         squares += (middle - 0.5 * (toned[2:, 1:-1] + toned[:-2, 1:-1])) ** 2
     reach = TUNING.denoised_detail_reach_pixels
-    total = box_sum(np.where(known, squares / COLOUR_CHANNELS, np.float32(0.0)), reach)
+    count = box_sum(np.ones(covered.shape, bool), reach)
     allowed = TUNING.denoised_detail_ratio * max(accuracy.unseen, TUNING.unseen_difference)
-    return kept & (total > allowed**2 * np.maximum(box_sum(known, reach), 1.0))
+    return box_sum(squares / COLOUR_CHANNELS, reach) > allowed**2 * count

@@ -1,16 +1,17 @@
 """How honest frames and their estimates are, over many places of the probes on the same renders.
 
     python -m tests.bench.stored_pairs --scenes DIR --size 960x540 --samples 64 [--places 12] [--accuracy balanced]
-        [--swing DEGREES [--nearer 0.8]] [--cache DIR] [--json FILE] [SCENE ...]
+        [--denoise] [--swing DEGREES [--nearer 0.8]] [--cache DIR] [--json FILE] [SCENE ...]
 
 DIR holds a folder with a .blend of the same name for each scene. Of each, the source eye is rendered once and the
-target four times with other seeds. Then the target is completed --places times as the pipeline completes it, with
-probes in places of their own; traces come from two of the four renders, and the other two judge it. So a frame costs no
-render of its own. With --swing the camera stands elsewhere: turned by so many degrees around the upright through the
-point that it looks at, at its convergence distance, and moved to --nearer of its distance from there; such a view is
-one that nobody has tuned to. A row has, over the places, means and what is in brackets:
+target four times with other seeds. Then the pair is made --places times by the pipeline, with probes in places of their
+own; traces come from two of the four renders, and the other two judge it (stored_renders.py). So a frame costs no
+render of its own. With --denoise all of them are denoised. With --swing the camera stands elsewhere: turned by so many
+degrees around the upright through the point that it looks at, at its convergence distance, and moved to --nearer of its
+distance from there; such a view is one that nobody has tuned to. A row has, over the places, means and what is in
+brackets:
 
-* traced (greatest), honest ratio (greatest), and worst tiles;
+* traced (greatest), honest ratio (greatest), and worst and wrong tiles;
 * FLIP: that of the target over that of a second plain render, of the first place;
 * interval: how many intervals of the estimate hold the honest ratio, and how many if they are widened by what the
   comparison itself is unsure of: its standard error over parts of the picture;
@@ -29,8 +30,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +38,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.estimate.target import Provenance, Target
-from stereo_reproject.images.metrics import honest_ratio, judged, worst_tiles
+from stereo_reproject.images.metrics import honest_ratio, judged, worst_tiles, wrong_tiles
+from stereo_reproject.images.reasons import Reason
 from stereo_reproject.images.seen_light import scaled_colour
-from stereo_reproject.settings.accuracy import SETTINGS, Accuracy, for_size
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.stereo_frame import StereoFrame, colour
+from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.settings.frame import StereoSettings
-from tests.bench.coverage import DEVIATIONS, own_output, parse_scenes, scenes_parser
+from tests.bench.coverage import DEVIATIONS, overrides, own_output, parse_scenes, scenes_parser
 from tests.bench.performance.plan import EYES
-from tests.bench.spending import Scene, prepare
+from tests.bench.stored_renders import RENDERS, StoredRenderers, StoredRenders
 
 BLOCK_PX = 32
 """Side of the parts of the picture by whose differences the comparison's standard error is told: errors of
@@ -61,6 +63,7 @@ class Pair:
     honest: float
     honest_error: float
     worst: float
+    wrong: float
     estimate: float | None
     low: float
     high: float
@@ -94,41 +97,59 @@ def _by_part(values: NDArray) -> NDArray:
     return np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1).ravel()
 
 
-def pair_of(scene: Scene, accuracy: Accuracy, place: int) -> tuple[Pair, Target]:
-    target, estimate = scene.finished(accuracy, place)
-    _, _, reference, again = scene.shifted(place)
-    share = target.variance_share(scene.warped.variance_share, averages_probes=True)
-    pictures = target.colour, reference, again
-    traced = float(np.mean(target.traced))
+def pair_of(frame: StereoFrame, reference: NDArray, again: NDArray) -> Pair:
+    """A finished frame, judged by two renders (H, W, 4) of its target that it was not made of."""
+    pictures = [scaled_colour(picture, frame.light_scale) for picture in (target_of(frame), reference, again)]
+    traced, estimate = float(np.mean(frame.traced)), frame.refinement.estimate
     told = estimate if estimate is not None and math.isfinite(estimate.honest_low) else None
     return Pair(
         traced=traced,
-        cost=traced + float(np.mean(target.any_of(Provenance.PROBE))),
-        honest=honest_ratio(*pictures, share),
-        honest_error=honest_error(*pictures, share),
+        cost=traced + float(np.mean((frame.reasons & Reason.PROBE.bit) > 0)),
+        honest=honest_ratio(*pictures, frame.variance_share),
+        honest_error=honest_error(*pictures, frame.variance_share),
         worst=worst_tiles(*pictures),
+        wrong=wrong_tiles(*pictures),
         estimate=None if told is None else told.honest_ratio,
         low=math.nan if told is None else told.honest_low,
         high=math.nan if told is None else told.honest_high,
-    ), target
+    )
+
+
+def target_of(frame: StereoFrame) -> NDArray[np.float32]:
+    return colour(frame.eyes[StereoSettings().target])
 
 
 def measure_scene(name: str, options: argparse.Namespace) -> Row:
-    width, height = options.size
-    accuracy = for_size(SETTINGS[options.accuracy], width * height)
-    arrange, label = (lambda _: None), ""
-    if options.swing:
-        arrange = partial(swing, degrees=options.swing, nearer=options.nearer)
-        label = f"-swung{options.swing:g}-{options.nearer:g}"
-    scene = prepare(name, options, arrange, label)
-    pairs: list[Pair] = []
-    flip = None
-    for place in range(1, options.places + 1):
-        pair, target = pair_of(scene, accuracy, place)
-        pairs.append(pair)
-        if place == 1:
-            flip = flip_ratio(scene, target.colour, place, options)
+    from stereo_reproject.blender.scene.working import open_blend, working_scene
+
+    label = f"-swung{options.swing:g}-{options.nearer:g}" if options.swing else ""
+    scene = open_blend(options.scenes / name / f"{name}.blend")
+    own = replace(overrides(name, options), denoise=options.denoise)
+    with working_scene(scene, own) as working, tempfile.TemporaryDirectory() as folder:
+        if options.swing:
+            swing(working, options.swing, options.nearer)
+        renders = StoredRenders.of_scene(working, Path(folder), kept_file(name + label, options))
+        renderers = StoredRenderers(working, Path(folder), renders)
+        pairs: list[Pair] = []
+        flip = None
+        for place in range(1, options.places + 1):
+            frame = render_stereo_frame(renderers.at(place), StereoSettings(accuracy=options.accuracy))
+            judges = renderers.judges(place)
+            pairs.append(pair_of(frame, *judges))
+            if place == 1:
+                flip = flip_ratio(scene, frame, *judges)
     return Row(name + label, pairs, flip)
+
+
+def kept_file(name: str, options: argparse.Namespace) -> Path | None:
+    """The file in which a scene's renders are kept for the next time, None if they are not."""
+    import bpy
+
+    if options.cache is None:
+        return None
+    (width, height), kind = options.size, "denoised" if options.denoise else "noisy"
+    key = f"stored-{name}-{width}x{height}-{options.samples}-{kind}-{RENDERS}-{bpy.app.version_string}.npz"
+    return options.cache / key.replace(" ", "-")
 
 
 def swing(working: Any, degrees: float, nearer: float) -> None:
@@ -151,18 +172,14 @@ def swing(working: Any, degrees: float, nearer: float) -> None:
     working.view_layers[0].update()
 
 
-def flip_ratio(scene: Scene, ours: NDArray, place: int, options: argparse.Namespace) -> float | None:
+def flip_ratio(scene: Any, frame: StereoFrame, reference: NDArray, again: NDArray) -> float | None:
     """FLIP of the target over that of a second render, both as the scene's view transform shows them; None where FLIP
     is not installed."""
     from stereo_reproject.blender.commands.compare import MultiviewReference, flips
-    from stereo_reproject.blender.scene.working import open_blend
 
-    _, _, reference, again = scene.shifted(place)
-    ours, reference, again = (scaled_colour(picture, 1.0 / scene.light_scale) for picture in (ours, reference, again))
-    rendered = MultiviewReference("CYCLES", 0.0, reference, again, scene.light_scale)
-    blend = open_blend(options.scenes / scene.name / f"{scene.name}.blend")
+    rendered = MultiviewReference("CYCLES", 0.0, reference, again, frame.light_scale)
     with tempfile.TemporaryDirectory() as folder:
-        flip, noise_flip = flips(blend, StereoSettings(), ours, rendered, Path(folder))
+        flip, noise_flip = flips(scene, StereoSettings(), target_of(frame), rendered, Path(folder))
     return flip / noise_flip if flip is not None and noise_flip else None
 
 
@@ -171,6 +188,7 @@ COLUMNS = (
     "honest ratio (greatest)",
     "FLIP",
     "worst tiles",
+    "wrong tiles",
     "interval holds it",
     "widened",
     "estimate less comparison",
@@ -189,6 +207,7 @@ def line(row: Row) -> str:
         f"{of('honest').mean():.3f} ({of('honest').max():.3f})",
         "–" if row.flip_ratio is None else f"{row.flip_ratio:.3f}",
         f"{of('worst').mean():.2f}",
+        f"{100.0 * of('wrong').mean():.2f} %",
         *(f"{sum(pair.holds(widened) for pair in told)} of {len(told)}" for widened in (False, True)),
         f"{np.mean([pair.estimate - pair.honest for pair in told]):.3f}" if told else "no probes",
         f"{np.mean([pair.high - pair.low for pair in told]):.2f}" if told else "–",
@@ -202,6 +221,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     promising = [name for name, accuracy in SETTINGS.items() if accuracy.promise is not None]
     parser.add_argument("--accuracy", choices=promising, default="balanced")
     parser.add_argument("--places", type=int, default=12, help="frames that are completed per scene")
+    parser.add_argument("--denoise", action="store_true", help="denoise all renders, as the scene's denoiser does")
     parser.add_argument("--swing", type=float, default=0.0, metavar="DEGREES")
     parser.add_argument("--nearer", type=float, default=0.8, metavar="SHARE")
     return parse_scenes(parser, arguments, EYES)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.metrics import tone, untone
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, NOISY_PASS
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.accuracy import SETTINGS, for_denoised
 from stereo_reproject.views.camera import disparity_per_nearness
 from tests.warp.analytic import stereo_rig
 from tests.warp.pairs import reproject_pair
@@ -133,3 +134,33 @@ def test_stripes_of_alpha_that_nobody_sees_are_left_alone():
 @pytest.mark.parametrize("noise", [0.01, 0.05, 0.2])
 def test_noise_of_alpha_that_no_denoiser_takes_away_is_no_detail(noise):
     assert denoised_alpha(0.0, noise=noise) < 0.02
+
+
+def step_in_colour(bright, *, object_px):
+    """Pixels (H, W) traced for detail of a denoised, grey wall of this brightness, and those that nothing covers:
+    before it stands something as bright, `object_px` pixels wide, that has moved by 6 pixels."""
+    eyes = stereo_rig(SIZE, mode="parallel", ipd=0.06)
+    far = disparity_per_nearness(eyes["left"], eyes["right"])
+    depth = np.full((*SIZE[::-1], 1), far, np.float32)
+    depth[:, 40 : 40 + object_px] = far / 7.0
+    colour = np.ones((*SIZE[::-1], 4), np.float32)
+    colour[..., :3] = untone(bright)
+    result = reproject_pair(
+        {COLOUR_PASS: colour, DEPTH_PASS: depth, NOISY_PASS: colour},
+        eyes["left"],
+        eyes["right"],
+        accuracy=for_denoised(SETTINGS["balanced"]),
+        invalid=np.zeros(SIZE[::-1], bool),
+        colour_interpolation="cubic",
+    )
+    return (result.reasons & Reason.DETAIL.bit) > 0, (result.reasons & Reason.DISOCCLUDED.bit) > 0
+
+
+def test_in_a_denoised_picture_what_is_beside_a_gap_is_traced_as_far_as_a_denoiser_spreads_where_it_is_bright():
+    """Beyond the ring of one pixel that is traced as a silhouette anyway."""
+    bright, gap = step_in_colour(0.5, object_px=16)
+    assert gap[INNER].any()
+    assert bright[dilate(gap, 2) & ~dilate(gap, 1)].all()
+    assert not (bright & ~dilate(gap, 4))[INNER].any()
+    dark, _ = step_in_colour(0.02, object_px=16)
+    assert not dark[INNER].any()
