@@ -22,6 +22,8 @@ STAGES = {
 """Parts of a frame's seconds in the chart, and the stages of a report that belong to each."""
 REST = "the rest"
 """Name of the part of a frame's seconds that is in no stage above."""
+REFERENCE, PLAIN = "multiview", "plain renders"
+"""Names of what pairs, and mono frames, are held against."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def series_of(report: Mapping[str, Any]) -> Series:
         measured=np.array([number_in(row, "compare", "multiview_seconds") for row in slots]),
         predicted=np.array([number_in(row, "multiview_seconds") for row in slots]),
         traced=np.array([number_in(row, "fractions", "rerendered") for row in slots]),
-        reference="plain renders" if views_in(report["frames"]) == 1 else "multiview",
+        reference=PLAIN if views_in(report["frames"]) == 1 else REFERENCE,
     )
 
 

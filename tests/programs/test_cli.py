@@ -275,6 +275,7 @@ def test_tradeoff_takes_the_scene_and_leaves_accuracy_and_fill_to_its_runs(place
 def test_what_is_left_out_comes_from_the_scene(place):
     assert render(place, "success") == 0
     job = json.loads((notes(place) / "job").read_text())
+    assert job["settings"]["scene"].pop("mono") is False
     assert set(job["settings"]["scene"].values()) == {None}
 
 
@@ -1174,6 +1175,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         "holes": True,
         "compare_every": 24,
         "reuse": None,
+        "mono": False,
         "views": False,
         "skip": {},
         "finished": [],
@@ -1194,6 +1196,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         ("--frames 7 --movie clips/", "movie", "{place}/clips/"),
         ("--frames 7", "layout", None),
         ("--frames 7 --compare 3", "compare_every", 3),
+        ("--frames 7 --reuse 8 --mono", "mono", True),
     ],
 )
 def test_an_option_of_an_animation(place, monkeypatch, options, field, value):

@@ -11,11 +11,11 @@ import pytest
 from stereo_reproject.files import whole_file, write_json
 from stereo_reproject.report.label_places import spread
 from stereo_reproject.sequence.report import totals
-from stereo_reproject.sequence.series import REST, series_of
+from stereo_reproject.sequence.series import REFERENCE, REST, series_of
 
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, REFERENCE, draw_animation, draw_animation_chart
+from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, draw_animation, draw_animation_chart
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 SVG = "{http://www.w3.org/2000/svg}"
