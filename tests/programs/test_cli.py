@@ -1207,6 +1207,23 @@ def test_an_option_of_an_animation(place, monkeypatch, options, field, value):
     assert job["animation"][field] == wanted
 
 
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ("", "mono needs reuse: without, Blender itself renders such an animation"),
+        ("--reuse off", "mono needs reuse"),
+        ("--reuse 8 --layout individual", "mono frames hold one view: leave the layout out"),
+        ("--reuse 8 --source right", "a mono animation has one view and no source eye: leave it out"),
+        ("--reuse 8 --convergence 2", "a mono animation has one view and no convergence distance: leave it out"),
+        ("--reuse 8 --vr180", "a mono animation has one view and no panorama for headsets: leave it out"),
+    ],
+)
+def test_what_one_view_cannot_have_is_said_in_one_line(place, capsys, options, part):
+    assert animate(place, "--mono", *options.split()) == 2
+    assert_one_line(capsys.readouterr().err, part)
+    assert not (place / "out").exists()
+
+
 def test_in_a_pipe_each_frame_is_a_line_and_the_table_comes_last(place, capsys):
     assert animate(place, "--frames", "1-3") == 0
     printed = capsys.readouterr()

@@ -88,7 +88,9 @@ def test_names_and_channels_are_those_that_blender_gives(made):
     names = sorted(path.name for path in plain.iterdir())
     assert names == [f"shot_{frame:04d}.exr" for frame in (1, 2, 3, 4)]
     assert sorted(path.name for path in ours.glob("*.exr")) == names
-    assert sorted(path.name for path in (ours / "holes").iterdir()) == [f"shot_{frame:04d}.png" for frame in range(1, 5)]
+    assert sorted(path.name for path in (ours / "holes").iterdir()) == [
+        f"shot_{frame:04d}.png" for frame in range(1, 5)
+    ]
     for name in names:
         assert read_channels(ours / name).keys() == read_channels(plain / name).keys()
     assert [row["files"][-1] for row in report["frames"]] == names
@@ -153,6 +155,13 @@ def test_a_frame_that_cannot_be_made_is_blenders_too(tmp_path):
     blenders_own(scene, tmp_path)
     ours, plain = (colour_of(tmp_path / name / "shot_0002.exr") for name in ("out", "plain"))
     np.testing.assert_array_equal(ours, plain)
+
+
+def test_a_movie_is_made_of_frames_with_layers(tmp_path):
+    scene = small_studio(tmp_path, moving_camera, as_exr, lit=True)
+    report = frames_of(scene, tmp_path, frames=(1, 2), file_format="OPEN_EXR_MULTILAYER", movie="")
+    assert [row["files"] for row in report["frames"]] == [["shot_0001.exr"], ["shot_0002.exr"]]
+    assert b"avc1" in (tmp_path / "out/shot.mp4").read_bytes()
 
 
 def test_a_scene_whose_format_is_a_movie_gives_one_without_marks(tmp_path):
