@@ -150,8 +150,9 @@ def test_frames_of_pairs_are_no_mono_frames(tmp_path):
 
 def test_a_frame_that_cannot_be_made_is_blenders_too(tmp_path):
     scene = small_studio(tmp_path, brighter_lamp, as_exr, lit=True)
-    report = frames_of(scene, tmp_path, frames=(1, 2))
-    assert "light" in report["frames"][1]["reuse"]["whole"]
+    report = frames_of(scene, tmp_path, frames=(2,))
+    assert "light" in report["frames"][0]["reuse"]["whole"]
+    scene.frame_start = scene.frame_end = 2
     blenders_own(scene, tmp_path)
     ours, plain = (colour_of(tmp_path / name / "shot_0002.exr") for name in ("out", "plain"))
     np.testing.assert_array_equal(ours, plain)
@@ -159,8 +160,8 @@ def test_a_frame_that_cannot_be_made_is_blenders_too(tmp_path):
 
 def test_a_movie_is_made_of_frames_with_layers(tmp_path):
     scene = small_studio(tmp_path, moving_camera, as_exr, lit=True)
-    report = frames_of(scene, tmp_path, frames=(1, 2), file_format="OPEN_EXR_MULTILAYER", movie="")
-    assert [row["files"] for row in report["frames"]] == [["shot_0001.exr"], ["shot_0002.exr"]]
+    report = frames_of(scene, tmp_path, frames=(1,), file_format="OPEN_EXR_MULTILAYER", movie="")
+    assert [row["files"] for row in report["frames"]] == [["shot_0001.exr"]]
     assert b"avc1" in (tmp_path / "out/shot.mp4").read_bytes()
 
 
