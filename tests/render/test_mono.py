@@ -3,17 +3,21 @@
 import json
 from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
+from bpy.app.handlers import persistent
 
 from stereo_reproject.blender.commands.animation import render_animation_files
+from stereo_reproject.blender.commands.compare import REFERENCE_SEED_OFFSET, REPEATED_SEED_OFFSET, render_reference
 from stereo_reproject.blender.engines.render import call_render
+from stereo_reproject.blender.engines.renderer import shifted_seed
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.exr import read_channels
 from stereo_reproject.sequence.progress import Listener
 from stereo_reproject.settings.animation import AnimationSettings
-from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings, for_mono
 from tests.blender.scene.test_changes import brighter_lamp, keyed, moving_camera
 from tests.render.test_key_frames import nudged_box
 from tests.render.test_trace_requests import small_studio
@@ -114,6 +118,7 @@ def test_made_frames_keep_the_promise_and_are_held_against_plain_renders(made):
     assert 0.0 < compared["flicker"] < 2.0
     assert compared["speedup"] == report["totals"]["speedup"]
     assert report["totals"]["multiview_synced"] is None
+    assert not any(row["compare"]["synced_anew"] for row in report["frames"])
     for row in report["frames"]:
         assert "first_eye" not in row["compare"]
         assert row["views"] == 1
@@ -122,11 +127,23 @@ def test_made_frames_keep_the_promise_and_are_held_against_plain_renders(made):
     assert max(traced[1:]) < 0.9
 
 
-def test_the_plain_render_finds_its_scene_synced(made):
-    """As with persistent data: a comparison's seconds are those of tracing, not of the sync."""
-    _, report = made
-    first = report["frames"][0]
-    assert first["compare"]["multiview_seconds"] < first["seconds"]["source"]
+def test_the_plain_render_that_is_timed_finds_its_scene_synced(tmp_path):
+    """As with persistent data: the scene is rendered before, with the other seed."""
+    scene = small_studio(tmp_path, as_exr)
+    seeds = []
+
+    @persistent
+    def note(rendered, *_):
+        seeds.append(rendered.cycles.seed)
+
+    bpy.app.handlers.render_pre.append(note)
+    try:
+        found = render_reference(scene, for_mono(SETTINGS), tmp_path)
+    finally:
+        bpy.app.handlers.render_pre.remove(note)
+    assert seeds == [shifted_seed(SEED, offset) for offset in (REPEATED_SEED_OFFSET, REFERENCE_SEED_OFFSET)]
+    assert found.noise_rmse > 0.0
+    assert found.first is None
 
 
 def test_a_made_frame_is_the_same_wherever_a_run_begins_and_is_kept(made, tmp_path):
