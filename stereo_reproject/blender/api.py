@@ -98,6 +98,7 @@ def render_animation(
     holes: bool = False,
     compare_every: int | None = None,
     reuse: int | None = None,
+    mono: bool = False,
     strict: bool = False,
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
@@ -106,9 +107,9 @@ def render_animation(
     frames are by default the scene's, and they go into its own output path, format and stereo layout unless others are
     given; output is a folder. existing says what is done with frames that are there already: "refuse", "resume",
     "overwrite", or "keep" (whoever has rendered them); by default the scene's Overwrite decides. movie, layout,
-    file_format, holes, compare_every and reuse are those of `AnimationSettings`. on_frame is called with each finished
-    frame: its number, seconds, traced fraction, and how far the animation is. strict is as for `render_frame`, and has
-    no effect on the pictures. If the run ends early, frames that are finished stay.
+    file_format, holes, compare_every, reuse and mono are those of `AnimationSettings`. on_frame is called with each
+    finished frame: its number, seconds, traced fraction, and how far the animation is. strict is as for `render_frame`,
+    and has no effect on the pictures. If the run ends early, frames that are finished stay.
     """
     settings = settings or StereoSettings()
     scene = _scene(scene)
@@ -124,6 +125,7 @@ def render_animation(
         holes=holes,
         compare_every=compare_every,
         reuse=reuse,
+        mono=mono,
     )
     first = options.frames[0] if options.frames else scene.frame_start
     _check_scene(scene, replace(settings, scene=replace(settings.scene, frame=first)), strict=strict)
@@ -182,7 +184,10 @@ def inspect(
 
 
 def _check_scene(scene: bpy.types.Scene, settings: StereoSettings, *, strict: bool) -> None:
-    """With strict, raise BadInputError if the scene is known to lack anything; else do nothing."""
+    """Raise BadInputError for settings that only `render_animation` makes and, with strict, if the scene is known to
+    lack anything."""
+    if settings.scene.mono:
+        raise BadInputError("mono is no setting of a picture: say mono=True to render_animation")
     if strict:
         warnings_ahead(scene, settings.scene, strict=True)
 

@@ -55,13 +55,18 @@ NO_OPTICS = Optics()
 
 def ray_lengths_tell(source: Camera, target: Camera, optics: Optics) -> bool:
     """Return whether the LENGTH_PASS of a source with this camera may be read, to find thin things and the images in
-    flat mirrors.
+    flat mirrors: where it can be, if anything moves between source and target."""
+    return has_ray_lengths(source, optics) and not see_the_same(source, target)
 
-    It may for a perspective camera, if anything moves between source and target. It may not where the lens blurs, since
-    that mixes depths everywhere, nor where there is a volume, which has no depth.
+
+def has_ray_lengths(source: Camera, optics: Optics) -> bool:
+    """Return whether the LENGTH_PASS of a source with this camera can be read for any target.
+
+    It can for a perspective camera. It cannot where the lens blurs, since that mixes depths everywhere, nor where there
+    is a volume, which has no depth.
     """
     mixed = optics.lens.aperture or len(optics.volumes)
-    return isinstance(source, PerspectiveCamera) and not mixed and not see_the_same(source, target)
+    return isinstance(source, PerspectiveCamera) and not mixed
 
 
 @dataclass(frozen=True)

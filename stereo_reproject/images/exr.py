@@ -75,8 +75,8 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
 
 
 def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
-    """Return the colours (H, W, 4), by view, of a file that Blender wrote with both views; an empty dictionary where it
-    has no views.
+    """Return the colours (H, W, 4), by view, of a file that Blender wrote with both views, or with the layers of one,
+    which is called ""; an empty dictionary where it has neither views nor layers.
 
     They are the file's composite, or else its only layer, or else the layer called `main`. Raises BadInputError when
     the file is not whole or has no such picture.
@@ -85,24 +85,28 @@ def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
         parts = _read_parts(path)
     except (OSError, RuntimeError) as error:
         raise BadInputError(Words("{path} is not whole: {reason}", path=path, reason=str(error))) from error
-    found: dict[str, dict[str, dict[str, NDArray]]] = {view: {} for view in VIEWS}
+    found: dict[str, dict[str, dict[str, NDArray]]] = {view: {} for view in (*VIEWS, "")}
     for part in parts:
         # Blender 4.5 has both views in one part, the first of them without its name.
         unnamed = part.header.get("view") or next(iter(part.header.get("multiView") or ()), None)
         for name, channel in part.channels.items():
             *names, letter = name.split(".")
-            view = next((part_name for part_name in names if part_name in VIEWS), unnamed)
+            view = next((part_name for part_name in names if part_name in VIEWS), unnamed or "")
             prefix = ".".join(part_name for part_name in names if part_name not in VIEWS)
-            if view in VIEWS and letter in "RGBA":
+            if view in found and letter in "RGBA":
                 found[view].setdefault(prefix, {})[letter] = channel.pixels
+    alone = found.pop("")
     if not any(found.values()):
-        return {}
+        if not any(alone):
+            return {}
+        found = {"": alone}
     wanted = (f"Composite.{COLOUR_PASS}", "", f"{main}.{COLOUR_PASS}")
     result = {}
     for view, pictures in found.items():
         prefix = next((prefix for prefix in wanted if prefix in pictures), None)
         if prefix is None:
-            raise BadInputError(Words("{path} holds no picture of the {view} eye", path=path, view=Words(view)))
+            eye = Words(" of the {view} eye", view=Words(view)) if view else ""
+            raise BadInputError(Words("{path} holds no picture{eye}", path=path, eye=eye))
         stacked = _stack({"A": np.ones_like(pictures[prefix]["R"]), **pictures[prefix]})
         result[view] = from_blender(COLOUR_PASS, stacked)
     return result

@@ -44,7 +44,7 @@ def render_stereo_frame(
     task = FrameTask.of_pair(renderer, settings, findings or SharedFindings(), known_costs, watch)
     check_fill(settings.fill, renderer.fill_blockers())
 
-    source = render_source(task, accuracy or accuracy_of(settings))
+    source = render_source(task, accuracy or accuracy_of(settings), for_later=on_source is not None)
     if on_source is not None:
         on_source(source)
 

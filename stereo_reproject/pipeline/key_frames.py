@@ -1,5 +1,5 @@
 """START HERE for reuse over time: the first eye of a frame is made from that of a key frame, an earlier frame that was
-rendered whole, and the other eye from both.
+rendered whole, and the other eye from both. A mono animation has the first eye alone.
 
 A pixel is looked up where it was traced: in the key frame, however many frames lie between, or among the traced pixels
 of this frame's first eye. No frame is made from one that comes after it, nor from another made frame.
@@ -7,7 +7,7 @@ of this frame's first eye. No frame is made from one that comes after it, nor fr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -80,8 +80,8 @@ def render_from_key(
     watch: Stopwatch,
     known_costs: Callable[[], TraceCosts],
 ) -> StereoFrame | None:
-    """Make both eyes of a frame from a key frame, and return the pair; None where so much would have to be traced that
-    it is better rendered.
+    """Make both eyes of a frame from a key frame, or its one view, and return it; None where so much would have to be
+    traced that it is better rendered.
 
     Besides the camera, only the movers of `changed` may have changed since the key frame. The other parameters are
     those of `render_stereo_frame`. Raises StereoReprojectError when a render fails.
@@ -89,7 +89,7 @@ def render_from_key(
     rig = Rig.of_cameras(renderer.cameras, renderer.motion)
     tasks = [
         FrameTask(renderer, settings, key.source.seen.view, rig[name], findings, known_costs, watch)
-        for name in (settings.source, settings.target)
+        for name in dict.fromkeys((settings.source, settings.target))
     ]
     # The key frame was rendered by a renderer of its own.
     renderer.expect_probes(probed=any(task.may_differ for task in tasks) and key.source.accuracy.promise is not None)
@@ -102,15 +102,16 @@ def render_from_key(
     warped = warp_sources(tasks[0], [source], seed=seeds[0], movers=movers[:1])
     if float(np.mean(warped.reprojection.reasons > 0)) > TUNING.max_traced_of_key:
         return None
-    first = _completed(tasks[0], (source,), warped)
+    eyes = [_completed(tasks[0], (source,), warped)]
 
-    watch.lap(Stage.WARP)
-    sources = source, traced_part(tasks[0].target, first.done, first.finished)
-    # What was traced in this frame has moved with it.
-    warped = warp_sources(tasks[1], sources, seed=seeds[1], movers=(movers[1], None))
-    second = _completed(tasks[1], sources, warped)
+    if len(tasks) > 1:
+        watch.lap(Stage.WARP)
+        sources = source, traced_part(tasks[0].target, eyes[0].done, eyes[0].finished)
+        # What was traced in this frame has moved with it.
+        warped = warp_sources(tasks[1], sources, seed=seeds[1], movers=(movers[1], None))
+        eyes.append(_completed(tasks[1], sources, warped))
     watch.lap(Stage.ACCOUNT)
-    return _frame(key, first, second)
+    return _frame(key, eyes)
 
 
 def _denoised_by(renderer: Renderer, source: Source) -> Source:
@@ -147,10 +148,11 @@ def _for_users(eye: _Eye) -> Passes:
     return with_depth_pass(without_internal_passes(eye.finished.passes), eye.task.target.camera)
 
 
-def _frame(key: KeyFrame, first: _Eye, second: _Eye) -> StereoFrame:
-    """Return the finished pair of two made eyes; what is said of the target is the second's."""
-    done, warped, watch = second.done, second.done.warped, second.task.watch
-    account = account_of(second.task, done, second.finished.passes)
+def _frame(key: KeyFrame, made: Sequence[_Eye]) -> StereoFrame:
+    """Return the finished frame of two made eyes, or of one; what is said of the target is the last one's."""
+    first, last = made[0], made[-1]
+    done, warped, watch = last.done, last.done.warped, last.task.watch
+    account = account_of(last.task, done, last.finished.passes)
     watch.lap()
     target, other = done.target, first.done.target
     reused = ReusedEye(
@@ -160,7 +162,7 @@ def _frame(key: KeyFrame, first: _Eye, second: _Eye) -> StereoFrame:
         first.done.warped.variance_share_of(other),
         first.done.refinement,
     )
-    eyes = {eye.task.target.name: eye for eye in (first, second)}
+    eyes = {eye.task.target.name: eye for eye in made}
     return StereoFrame(
         eyes={name: _for_users(eye) for name, eye in eyes.items()},
         reasons=account.reasons,
@@ -176,10 +178,10 @@ def _frame(key: KeyFrame, first: _Eye, second: _Eye) -> StereoFrame:
         effect_costs=account.effect_costs,
         next_accuracy=account.next_accuracy,
         invalid_pixels={name: eye.finished.lost for name, eye in eyes.items()},
-        metadata={**key.metadata, **second.task.renderer.metadata},
+        metadata={**key.metadata, **last.task.renderer.metadata},
         warped_by=warped.reprojection.warped_by,
         light_scale=key.source.light_scale,
         pixel_weight=warped.pixel_weight,
-        camera=second.task.target.camera,
+        camera=last.task.target.camera,
         reused=reused,
     )

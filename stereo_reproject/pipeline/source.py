@@ -54,17 +54,20 @@ class Source:
         return replace(self, seen=replace(self.seen, passes=without_internal_passes(self.seen.passes)))
 
 
-def render_source(task: FrameTask, accuracy: Accuracy, *, light_scale: float | None = None) -> Source:
+def render_source(
+    task: FrameTask, accuracy: Accuracy, *, light_scale: float | None = None, for_later: bool = False
+) -> Source:
     """Render the source eye, clean it of values that are no number, and denoise it where the scene does.
 
     accuracy is that of the frame, for a picture of `SettingsTuning.unscaled_picture_px`. Stages begin on the task's
     watch. The light is scaled to be judged as it is seen, by light_scale where one is given; reflected light, by which
-    probes are read, loses its sparks.
+    probes are read, loses its sparks. for_later: True where other frames are made of it, whose cameras stand elsewhere.
     """
     renderer, watch, target = task.renderer, task.watch, task.target.camera
     accuracy = for_size(accuracy, target.width * target.height)
 
-    probed = task.may_differ and accuracy.promise is not None
+    may_differ = task.may_differ or (for_later and bool(renderer.plan.view_dependent))
+    probed = may_differ and accuracy.promise is not None
     # Of a target that is rendered whole nothing is probed.
     passes, cost = _rendered(task, probed=probed and task.settings.fill != "full")
     lost = not_numbers(passes)

@@ -1,4 +1,4 @@
-"""A finished pair of one view layer, and how it came about."""
+"""A finished pair of one view layer, or the one view of a mono frame, and how it came about."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .next_accuracy import NextAccuracy
 
 @dataclass(frozen=True)
 class ReusedEye:
-    """The first eye of a pair where it was made from a key frame, as its second eye was.
+    """The first eye of a pair where it was made from a key frame, as its second eye was; or a mono frame's one view.
 
     key_frame is the number of that frame. reasons (H, W) are the eye's `Reason` flags, traced (H, W) its pixels that
     were traced, and variance_share (H, W) the variance of each of its pixels, as a share of that of a plain render's.
@@ -39,19 +39,18 @@ class ReusedEye:
 
 @dataclass(frozen=True)
 class StereoFrame:
-    """A finished pair of one view layer, and how it came about.
+    """A finished pair of one view layer, or the one view of a mono frame, and how it came about.
 
-    eyes has the passes by view name. reasons (H, W) are the target's `Reason` flags; traced (H, W) are the pixels that
-    were traced, which are more than those with a reason where a full render was the cheapest. variance_share (H, W) is
-    the variance of each target pixel, as a share of that of a plain render's: 1 in a denoised picture. grid is the
-    source's. fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in
-    `TargetTracing`.
-    seconds are by stage, and in total; source_cost is that of the source render, trace_costs are those by which fill
-    methods were chosen. effect_costs are by effect; next_accuracy is the cost of the next better accuracy.
-    invalid_pixels is the number of pixels by view that were no number. metadata is the renderer's. correction is how
-    far traced pixels were moved to match a source of another engine, None where it is the same. warped_by is 'numpy' or
-    'gpu'; gpu is its name, None for NumPy.
-    light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
+    eyes has the passes by view name; of one view, that is the target too. reasons (H, W) are the target's `Reason`
+    flags; traced (H, W) are the pixels that were traced, which are more than those with a reason where a full render
+    was the cheapest. variance_share (H, W) is the variance of each target pixel, as a share of that of a plain
+    render's: 1 in a denoised picture. grid is the source's, None where nothing was warped. fill is how holes were
+    traced, refinement the tracing that probes asked for; pilot_share is as in `TargetTracing`. seconds are by stage,
+    and in total; source_cost is that of the source render, trace_costs are those by which fill methods were chosen.
+    effect_costs are by effect; next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of
+    pixels by view that were no number. metadata is the renderer's. correction is how far traced pixels were moved to
+    match a source of another engine, None where it is the same. warped_by is 'numpy' or 'gpu'; gpu is its name, None
+    for NumPy. light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
     pixel_weight is that of the target's pixels (`views/solid_angle`). camera is the target's, None where it is not
     known. reused is the first eye where it was made from an earlier frame, None where it was rendered.
     """
@@ -60,7 +59,7 @@ class StereoFrame:
     reasons: NDArray[np.uint16]
     traced: NDArray[np.bool_]
     variance_share: NDArray[np.float32]
-    grid: Grid
+    grid: Grid | None
     fill: FillChoice
     refinement: Refinement
     pilot_share: float | None

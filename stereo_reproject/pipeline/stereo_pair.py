@@ -12,7 +12,8 @@ from .stereo_frame import StereoFrame
 
 @dataclass(frozen=True)
 class StereoPair:
-    """Finished stereo pair of a scene: a stereo frame for each of its view layers, by name, in the scene's order.
+    """Finished stereo pair of a scene, or its one view: a stereo frame for each of its view layers, by name, in the
+    scene's order.
 
     The first is the main one, which Blender shows and saves as a picture where no compositor puts layers together.
     """
@@ -52,14 +53,16 @@ class StereoPair:
 
     @property
     def predicted_speedup(self) -> float:
-        """Speed-up over Blender's multiview: its predicted seconds over the seconds that this pair took; above 1 is
-        faster.
+        """Speed-up over Blender's multiview, or over a plain render of one view: its predicted seconds over the seconds
+        that this pair took; above 1 is faster.
 
-        Multiview renders the source of each layer as we do, and then the other eye without another sync.
+        Multiview renders the source of each layer as we do, and then the other eye without another sync. A plain
+        animation of one view can keep what is synced (persistent data).
         """
-        costs = [frame.source_cost for frame in self.frames.values()]
-        multiview = sum(cost.seconds + cost.per_frame + 2.0 * cost.denoise_seconds for cost in costs)
-        return multiview / self.seconds["total"]
+        costs, views = [frame.source_cost for frame in self.frames.values()], len(self.main_frame.eyes)
+        syncs = sum(cost.seconds - cost.per_frame for cost in costs) if views > 1 else 0.0
+        plain = syncs + views * sum(cost.per_frame + cost.denoise_seconds for cost in costs)
+        return plain / self.seconds["total"]
 
     @property
     def invalid_pixels(self) -> dict[str, int]:

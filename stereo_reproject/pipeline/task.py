@@ -41,7 +41,7 @@ class FrameTask:
         known_costs: Callable[[], TraceCosts],
         watch: Stopwatch,
     ) -> FrameTask:
-        """Return the task of a stereo pair, whose two views the settings name."""
+        """Return the task of a stereo pair, whose two views the settings name; they are the same of a mono frame."""
         rig = Rig.of_cameras(renderer.cameras, renderer.motion)
         return cls(renderer, settings, rig[settings.source], rig[settings.target], findings, known_costs, watch)
 

@@ -31,6 +31,12 @@ def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
         help="render an eye of each K-th frame alone, and make the frames after it from that one, tracing what has "
         f"changed; auto is {AUTO_REUSE}; off, the default, renders an eye of each frame",
     )
+    parser.add_argument(
+        "--mono",
+        action="store_true",
+        help="with --reuse: frames of one view, through the scene's own camera, as Blender renders an animation "
+        "without stereoscopy; --compare is against plain renders with persistent data",
+    )
     add_quiet(parser)
     parser.set_defaults(compare=False, view_files=False)
 

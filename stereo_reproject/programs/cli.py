@@ -27,7 +27,7 @@ from ..report.table import format_report_table
 from ..report.views_table import format_views_table
 from ..sequence.report import format_animation
 from ..sequence.supervisor import run_animation
-from ..settings.frame import StereoSettings
+from ..settings.frame import StereoSettings, for_mono
 from ..tradeoff.cases import TRADEOFF_FILES, format_price_table
 from .animate_options import add_animate_arguments
 from .converters import OneLineParser
@@ -90,6 +90,9 @@ def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
 def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     """Run the `animate` command: render the frames, print the summary and the files, and return the exit status."""
     settings = settings_of(arguments)
+    if arguments.mono:
+        # Here to refuse what is of two eyes; the worker does it again.
+        for_mono(settings)
     return _run_frames(_scene_job(arguments, settings, command="animate", files=()), arguments, console, host)
 
 

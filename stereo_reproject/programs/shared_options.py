@@ -79,6 +79,7 @@ def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettin
         holes=arguments.holes,
         compare_every=arguments.every,
         reuse=arguments.reuse,
+        mono=arguments.mono,
         views=arguments.view_files,
     )
 

@@ -114,6 +114,7 @@ def add_views_arguments(parser: argparse.ArgumentParser) -> None:
     # What is said of pairs alone.
     parser.set_defaults(
         reuse=None,
+        mono=False,
         interocular=None,
         convergence=None,
         mode=None,

@@ -230,13 +230,14 @@ class ReuseReport:
 
     key_frame is the number of the frame that both eyes were made from; None for a frame of which one eye was rendered
     whole, and whole then says why. first_eye_traced is the share of the first eye's pixels that was traced, and
-    first_eye the estimate of its error, None where it was rendered.
+    first_eye the estimate of its error, None where it was rendered. Both are absent from a mono frame, whose one view
+    the rest of the report is about.
     """
 
     key_frame: int | None
     whole: str | None
-    first_eye_traced: float
-    first_eye: EstimateReport | NoEstimateReport | None
+    first_eye_traced: float | Absent = ABSENT
+    first_eye: EstimateReport | NoEstimateReport | Absent | None = ABSENT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,7 +253,7 @@ class FrameReport(ReportHeader):
 
     fill: FillReport
     refine: tuple[RefineReport, ...] | None
-    grid: GridReport
+    grid: GridReport | None
     warp: WarpReport
     fractions: Mapping[str, float]
     effects: tuple[EffectReport, ...]

@@ -12,6 +12,7 @@ from ..pipeline.stereo_frame import StereoFrame, traced_fractions
 from ..pipeline.stereo_pair import StereoPair
 from ..settings.accuracy import Accuracy, accuracy_of
 from ..settings.frame import StereoSettings
+from ..warp.grid import Grid
 from .as_json import ABSENT, Absent
 from .estimates import effect_reports, estimate_report
 from .frame_report import (
@@ -60,9 +61,7 @@ def pair_report(
             camera=main.packed_by if frame.fill.method == "packed" else None,
         ),
         refine=None if refined is None else (RefineReport(method=refined.method, reason=refined.reason),),
-        grid=GridReport(
-            cells=frame.grid.cells, subdivided=int(frame.grid.subdivided.sum()), triangles=frame.grid.triangles
-        ),
+        grid=_grid_report(frame.grid),
         warp=WarpReport(asked=settings.warp, used=frame.warped_by, gpu=frame.gpu),
         fractions=traced_fractions(frame),
         effects=effect_reports(main.plan, frame.effect_costs),
@@ -81,11 +80,20 @@ def pair_report(
     )
 
 
+def _grid_report(grid: Grid | None) -> GridReport | None:
+    """Return the part of the report about the source's grid; None where nothing was warped."""
+    if grid is None:
+        return None
+    return GridReport(cells=grid.cells, subdivided=int(grid.subdivided.sum()), triangles=grid.triangles)
+
+
 def _reuse_report(frame: StereoFrame, why_whole: str | Absent | None, accuracy: Accuracy) -> ReuseReport | Absent:
     """Return what is reported of a frame's reuse of a key frame; absent where none was asked for."""
     if isinstance(why_whole, Absent):
         return ABSENT
     reused = frame.reused
+    if len(frame.eyes) == 1:
+        return ReuseReport(key_frame=None if reused is None else reused.key_frame, whole=why_whole)
     if reused is None:
         return ReuseReport(key_frame=None, whole=why_whole, first_eye_traced=1.0, first_eye=None)
     return ReuseReport(

@@ -33,7 +33,7 @@ from ..report.chart_canvas import (
 )
 from ..report.label_places import spread
 from ..settings.animation import spelled
-from .report import views_in
+from .report import plain_renders, views_in
 from .series import REST, Series, mean_of, number_in, series_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"source": PALE, "tracing": BLUE, "denoising": SKY, REST: PURPLE}
-OURS, REFERENCE = "Stereo Reproject", "multiview"
+OURS = "Stereo Reproject"
 
 MAX_MARKERS = 60
 """Points of the multiview reference up to which each has a marker; more would hide their line."""
@@ -100,7 +100,13 @@ def _title(report: Mapping[str, Any]) -> str:
         return title
     measured = whole.get("speedup_from") == "measured"
     how = f"measured on {_counted(whole['compared'])}" if measured else "predicted"
-    return f"{title}, {speedup:.2f} × as fast as Blender's multiview ({how})"
+    return f"{title}, {speedup:.2f} × as fast as {_over(report)} ({how})"
+
+
+def _over(report: Mapping[str, Any]) -> str:
+    """Return in words what the animation of this report is held against."""
+    mono = views_in(report["frames"]) == 1
+    return plain_renders(1 if mono else None)
 
 
 def _counted(frames: int) -> str:
@@ -131,6 +137,8 @@ def _traced_of(rows: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
     views = views_in(rows)
     if views is None:
         return "the target eye", "traced", "what the source eye has cost"
+    if views == 1:
+        return "all frames", "rendered or traced", "what key frames have cost"
     return f"all {views} views", "rendered or traced", "what views rendered whole have cost"
 
 
@@ -147,7 +155,7 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
     reference = f"measured on {compared} of {_counted(len(report['frames']))}" if compared else f"predicted from {cost}"
     share = f"the share of the pixels of {of} that was {how}"
     facts = (
-        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: "
+        f"Beside the names: the mean over the frames. The seconds of {_over(report)} are {reference}. Traced: "
         f"{share}. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "
         "all else that is done before the next frame begins."
     )
@@ -238,13 +246,13 @@ def _draw_reference(axes: Axes, series: Series) -> None:
     were compared."""
     how, seconds = _reference(series)
     if how == "predicted":
-        axes.stairs(seconds, _edges(series), baseline=None, label=REFERENCE, **_look_of_reference(how, seconds))
+        axes.stairs(seconds, _edges(series), baseline=None, label=series.reference, **_look_of_reference(how, seconds))
         return
     # The line goes on over frames that were not compared, but not over those that are not there.
     shown = np.isfinite(seconds) | ~series.there
     frames, seconds = series.frames[shown], seconds[shown]
     look = {**_look_of_reference(how, seconds), "marker": "o"}
-    axes.plot(frames, seconds, markevery=_marked(seconds), label=REFERENCE, **look)
+    axes.plot(frames, seconds, markevery=_marked(seconds), label=series.reference, **look)
 
 
 def _marked(seconds: NDArray) -> list[int]:
@@ -327,7 +335,7 @@ def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
         below = above
     entries.append((OURS, series.seconds, {"color": VERMILLION, "linewidth": 1.8}, series.seconds))
     how, seconds = _reference(series)
-    entries.append((f"{REFERENCE}, {how}", seconds, _look_of_reference(how, seconds), seconds))
+    entries.append((f"{series.reference}, {how}", seconds, _look_of_reference(how, seconds), seconds))
     return [
         (name, mean, look, float(places[np.isfinite(places)][-1]))
         for name, values, look, places in entries

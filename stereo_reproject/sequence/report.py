@@ -76,7 +76,7 @@ def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]],
 
 def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the totals of all frames, from the report's rows: among them the seconds, the seconds of Blender's
-    multiview, and the speed-up over it.
+    multiview (of mono frames, of plain renders), and the speed-up over it.
 
     Multiview's seconds are predicted for each frame from the cost of its source eye. Where some frames were compared,
     all predictions are scaled by measured over predicted seconds of those frames. This is a ratio estimate: it does not
@@ -105,7 +105,8 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def comparison(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Return how the compared frames among a report's rows compare with multiview; None where none was compared.
+    """Return how the compared frames among a report's rows compare with multiview, mono ones with plain renders; None
+    where none was compared.
 
     speedup is that of the totals. honest_ratio and flip_ratio are those of the worst eye of all compared frames, None
     where nothing tells them. flicker is the mean square of the change of surfaces from frame to frame over that of
@@ -150,9 +151,16 @@ def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
 
 
 def views_in(rows: Sequence[Mapping[str, Any]]) -> int | None:
-    """Return the number of views of each frame in a report's rows; None where the frames are pairs."""
+    """Return the number of views of each frame in a report's rows, 1 for mono ones; None where the frames are pairs."""
     views = rows[0].get("views") if rows else None
     return views if isinstance(views, int) else None
+
+
+def plain_renders(views: int | None) -> str:
+    """Return in words what frames of so many views, as `views_in` has it, are held against."""
+    if views is None:
+        return "Blender's multiview"
+    return "plain renders" if views == 1 else f"{views} plain renders"
 
 
 def _lines_of_views(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -182,24 +190,26 @@ def format_animation(report: Mapping[str, Any]) -> str:
     if whole.get("multiview_synced") == "anew":
         how += "; it synced the scene anew for each compared frame"
     views = views_in(report["frames"])
-    what, over = "the target eye, on average", "Blender's multiview"
+    what = "the target eye, on average"
     if views is not None:
-        what, over = f"all pixels of {views} views, those of rendered views among them", f"{views} plain renders"
+        whole_ones = "frames" if views == 1 else "views"
+        of = "" if views == 1 else f" of {views} views"
+        what = f"all pixels{of}, those of rendered {whole_ones} among them"
     lines = [
         f"frames        {whole['frames']}",
         f"per frame     {each:.2f} s, {beside:.2f} s not for rendering",
         f"traced        {100 * whole['traced']:.1f} % of {what}",
-        f"speed-up      {whole['speedup']:.2f} x over {over}, {how}",
+        f"speed-up      {whole['speedup']:.2f} x over {plain_renders(views)}, {how}",
     ]
     reused = reuse_in_animation(report["frames"])
     if reused is not None:
         lines.append(f"reuse         {reused.words}")
-    if views is not None:
+    if views is not None and views > 1:
         lines += _lines_of_views(report["frames"])
-    compare = report.get("compare") or {}
+    compare, worst = report.get("compare") or {}, "eye" if views is None else "frame"
     for name, label in (("honest_ratio", "honest ratio "), ("flicker", "flicker      ")):
-        if compare.get(name) is not None and views is None:
-            over = ", of plain renders'" if name == "flicker" else ", of the worst eye compared"
+        if compare.get(name) is not None and views in (None, 1):
+            over = ", of plain renders'" if name == "flicker" else f", of the worst {worst} compared"
             lines.append(f"{label} {compare[name]:.3f}{over}")
     if known:
         lines.append(f"noise ratio   {max(known):.3f} in the worst of {whole['compared']} compared frames")

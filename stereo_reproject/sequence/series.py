@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline.stages import Stage
+from .report import views_in
 
 STAGES = {
     "source": (Stage.SOURCE,),
@@ -21,6 +22,8 @@ STAGES = {
 """Parts of a frame's seconds in the chart, and the stages of a report that belong to each."""
 REST = "the rest"
 """Name of the part of a frame's seconds that is in no stage above."""
+REFERENCE, PLAIN = "multiview", "plain renders"
+"""Names of what pairs, and mono frames, are held against."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +32,8 @@ class Series:
 
     frames (N,) are the frame numbers from the first to the last, each `step` after the one before, also those that were
     not rendered; there (N,) is True for those that were. seconds (N,) are those of the whole frame, stages (N,) those
-    of each kind of stage. measured and predicted (N,) are the seconds of Blender's multiview. traced (N,) is the share
-    of the target's pixels that was traced.
+    of each kind of stage. measured and predicted (N,) are the seconds of Blender's multiview, or of what reference
+    names. traced (N,) is the share of the target's pixels that was traced.
     """
 
     frames: NDArray[np.int64]
@@ -41,6 +44,7 @@ class Series:
     measured: NDArray[np.float64]
     predicted: NDArray[np.float64]
     traced: NDArray[np.float64]
+    reference: str
 
 
 def series_of(report: Mapping[str, Any]) -> Series:
@@ -62,6 +66,7 @@ def series_of(report: Mapping[str, Any]) -> Series:
         measured=np.array([number_in(row, "compare", "multiview_seconds") for row in slots]),
         predicted=np.array([number_in(row, "multiview_seconds") for row in slots]),
         traced=np.array([number_in(row, "fractions", "rerendered") for row in slots]),
+        reference=PLAIN if views_in(report["frames"]) == 1 else REFERENCE,
     )
 
 

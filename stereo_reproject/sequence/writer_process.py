@@ -31,8 +31,8 @@ MAX_PENDING_FRAMES = 2
 class WriterJob:
     """The job of the writer process: the .blend and the session in which it is open; the private folder for its
     answers; and the folder of the frames with their common name. output, layout and file_format are those of
-    `AnimationSettings`, and panorama is that of `SceneOverrides`. quilt has the files of frames that are many views;
-    None where they are pairs."""
+    `AnimationSettings`; panorama and mono are those of `SceneOverrides`. quilt has the files of frames that are many
+    views; None where they are pairs."""
 
     blend: str
     session: Session
@@ -43,6 +43,7 @@ class WriterJob:
     layout: str | None
     file_format: str | None
     panorama: str | None = None
+    mono: bool = False
     quilt: QuiltFrames | None = None
 
 
@@ -51,9 +52,10 @@ class WrittenFrame:
     """A rendered frame that is handed to the writer process: claim is the number of this run's claim of it, which the
     writer releases when the frame is written.
 
-    folder holds its pictures: of a pair left.exr, right.exr and, if they are asked for, holes.png and cutouts.png; of
-    many views views/view_00.exr and so on, report.json, and quilt.json, see `quilt_frames.QUILT_ORDER`. metadata are
-    those of its passes. record has the fields of its `Record` but for the files.
+    folder holds its pictures: of a pair left.exr, right.exr and, if they are asked for, holes.png and cutouts.png, of
+    mono no right.exr; of many views views/view_00.exr and so on, report.json, and quilt.json, see
+    `quilt_frames.QUILT_ORDER`. metadata are those of its passes. record has the fields of its `Record` but for the
+    files.
     """
 
     frame: int

@@ -39,7 +39,7 @@ class AnimationSettings:
     compare_every-th frame, counted from the scene's first, is compared with multiview; None compares none. With views,
     each view of a frame of many views is a file too, besides their quilt. Of so many frames in a row as reuse says, an
     eye of the first alone is rendered, and the others are made from it where only the camera moves; None renders an eye
-    of each frame.
+    of each frame. With mono, frames are of one view, through the scene's own camera, and reuse is needed.
 
     The rest is for a worker that is started again after a crash: skip are frames that are not tried, with the reason;
     finished are frames that this run has rendered already; goes_on is True if there was such an earlier worker.
@@ -54,6 +54,7 @@ class AnimationSettings:
     holes: bool = False
     compare_every: int | None = None
     reuse: int | None = None
+    mono: bool = False
     views: bool = False
     skip: Mapping[int, str] = field(default_factory=dict)
     finished: tuple[int, ...] = ()
@@ -86,6 +87,10 @@ class AnimationSettings:
             raise BadInputError(
                 Words("reuse must be a whole number from 2 to {most}, not {reuse}", most=MAX_REUSE, reuse=repr(reuse))
             )
+        if self.mono and reuse is None:
+            raise BadInputError("mono needs reuse: without, Blender itself renders such an animation")
+        if self.mono and self.layout is not None:
+            raise BadInputError("mono frames hold one view: leave the layout out")
 
 
 def _check_frames(frames: tuple[int, ...]) -> None:

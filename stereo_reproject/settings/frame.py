@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..errors import BadInputError
 from ..words import Words
@@ -34,7 +34,8 @@ class SceneOverrides:
     size is (width, height) in pixels and replaces the scene's resolution and its percentage. interocular_distance and
     convergence_distance are in scene units. source_engine renders the source in place of the scene's engine. denoise
     turns denoising of Cycles' pictures on or off in every view layer. panorama, "vr180" or "vr360", renders the scene
-    for headsets from the place of its camera; size is then that of `PANORAMAS` unless another is given.
+    for headsets from the place of its camera; size is then that of `PANORAMAS` unless another is given. mono is for the
+    frames of an animation (`for_mono`): they are of one view, through the scene's own camera.
     """
 
     frame: int | None = None
@@ -47,6 +48,7 @@ class SceneOverrides:
     source_engine: str | None = None
     denoise: bool | None = None
     panorama: str | None = None
+    mono: bool = False
 
     def __post_init__(self) -> None:
         if self.panorama is not None:
@@ -125,5 +127,24 @@ class StereoSettings:
 
     @property
     def target(self) -> str:
-        """The name of the eye that is made from the source."""
+        """The name of the eye that is made from the source; of one view alone, it is the source."""
+        if self.scene.mono:
+            return self.source
         return "right" if self.source == "left" else "left"
+
+
+def for_mono(settings: StereoSettings) -> StereoSettings:
+    """Return these settings for frames of one view, through the scene's own camera. Raises BadInputError where they ask
+    for anything of two eyes."""
+    scene = settings.scene
+    asked = {
+        "interocular distance": scene.interocular_distance,
+        "convergence distance": scene.convergence_distance,
+        "convergence mode": scene.convergence_mode,
+        "panorama for headsets": scene.panorama,
+        "source eye": None if settings.source == StereoSettings.source else settings.source,
+    }
+    named = next((name for name, value in asked.items() if value is not None), None)
+    if named is not None:
+        raise BadInputError(Words("a mono animation has one view and no {what}: leave it out", what=Words(named)))
+    return replace(settings, scene=replace(scene, mono=True))

@@ -14,7 +14,8 @@ from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.pipeline.key_frames import KeyFrame, SinceKey, render_from_key
 from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.pipeline.stopwatch import Stopwatch
-from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.pipeline.whole_view import render_whole_view
+from stereo_reproject.settings.frame import StereoSettings, for_mono
 from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.fill import SourceCost
 from tests.pipeline.test_pipeline import ROOM, Caster
@@ -24,6 +25,7 @@ from tests.warp.exact import Rig
 SIZE = (120, 80)
 NOISE = 0.05
 SETTINGS = StereoSettings(fill="packed")
+MONO = for_mono(SETTINGS)
 COST = SourceCost(seconds=100.0, sync_seconds=1.0)
 
 
@@ -56,16 +58,12 @@ def key_of(renderer):
     return KeyFrame(7, sources[0], {"a text": "of the key frame"})
 
 
-def made(renderer, key, changed=None):
-    return render_from_key(
-        renderer,
-        SETTINGS,
-        key,
-        changed or SinceKey(9),
-        findings=SharedFindings(),
-        watch=Stopwatch(),
-        known_costs=TraceCosts,
-    )
+def tools():
+    return {"findings": SharedFindings(), "watch": Stopwatch(), "known_costs": TraceCosts}
+
+
+def made(renderer, key, changed=None, settings=SETTINGS):
+    return render_from_key(renderer, settings, key, changed or SinceKey(9), **tools())
 
 
 def honest(renderer, frame):
@@ -105,19 +103,34 @@ def test_probes_stand_elsewhere_in_each_frame_and_each_eye():
     places = []
     for number in (8, 9):
         renderer = caster(0.02, view_dependent=("Gloss",))
-        frame = render_from_key(
-            renderer,
-            SETTINGS,
-            key,
-            SinceKey(number),
-            findings=SharedFindings(),
-            watch=Stopwatch(),
-            known_costs=TraceCosts,
-        )
+        frame = made(renderer, key, SinceKey(number))
         assert renderer.probed
         places += [(reasons & Reason.PROBE.bit) > 0 for reasons in (frame.reused.reasons, frame.reasons)]
     assert all(mask.any() for mask in places)
     assert len({mask.tobytes() for mask in places}) == len(places)
+
+
+def test_the_one_view_of_a_mono_frame_is_the_first_eye_of_a_pair():
+    glossy = {"view_dependent": ("Gloss",)}
+    key = key_of(caster(**glossy))
+    pair, mono = made(caster(0.05, **glossy), key), made(caster(0.05, **glossy), key, settings=MONO)
+    assert list(mono.eyes) == ["left"]
+    for name, image in pair.eyes["left"].items():
+        np.testing.assert_array_equal(mono.eyes["left"][name], image, err_msg=name)
+    np.testing.assert_array_equal(mono.traced, pair.reused.traced)
+    np.testing.assert_array_equal(mono.reasons, pair.reused.reasons)
+    assert mono.refinement.estimate.honest_ratio == pair.reused.refinement.estimate.honest_ratio
+
+
+def test_a_mono_key_frame_is_rendered_whole_and_for_the_probes_of_other_frames():
+    renderer, sources = caster(view_dependent=("Gloss",)), []
+    frame = render_whole_view(renderer, MONO, **tools(), on_source=sources.append)
+    assert renderer.asked[1:] == [("source", "left")]
+    assert renderer.probed
+    assert list(frame.eyes) == ["left"]
+    assert frame.traced.all()
+    np.testing.assert_array_equal(frame.eyes["left"][COLOUR_PASS], renderer.picture("left", seed=1)[COLOUR_PASS])
+    assert made(caster(0.05), KeyFrame(7, sources[0], {}), settings=MONO) is not None
 
 
 def test_a_frame_of_which_the_key_frame_shows_too_little_is_not_made():

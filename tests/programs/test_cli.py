@@ -275,6 +275,7 @@ def test_tradeoff_takes_the_scene_and_leaves_accuracy_and_fill_to_its_runs(place
 def test_what_is_left_out_comes_from_the_scene(place):
     assert render(place, "success") == 0
     job = json.loads((notes(place) / "job").read_text())
+    assert job["settings"]["scene"].pop("mono") is False
     assert set(job["settings"]["scene"].values()) == {None}
 
 
@@ -1174,6 +1175,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         "holes": True,
         "compare_every": 24,
         "reuse": None,
+        "mono": False,
         "views": False,
         "skip": {},
         "finished": [],
@@ -1194,6 +1196,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         ("--frames 7 --movie clips/", "movie", "{place}/clips/"),
         ("--frames 7", "layout", None),
         ("--frames 7 --compare 3", "compare_every", 3),
+        ("--frames 7 --reuse 8 --mono", "mono", True),
     ],
 )
 def test_an_option_of_an_animation(place, monkeypatch, options, field, value):
@@ -1202,6 +1205,23 @@ def test_an_option_of_an_animation(place, monkeypatch, options, field, value):
     (job,) = jobs_told(place)
     wanted = value.replace("{place}", str(place)) if isinstance(value, str) else value
     assert job["animation"][field] == wanted
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ("", "mono needs reuse: without, Blender itself renders such an animation"),
+        ("--reuse off", "mono needs reuse"),
+        ("--reuse 8 --layout individual", "mono frames hold one view: leave the layout out"),
+        ("--reuse 8 --source right", "a mono animation has one view and no source eye: leave it out"),
+        ("--reuse 8 --convergence 2", "a mono animation has one view and no convergence distance: leave it out"),
+        ("--reuse 8 --vr180", "a mono animation has one view and no panorama for headsets: leave it out"),
+    ],
+)
+def test_what_one_view_cannot_have_is_said_in_one_line(place, capsys, options, part):
+    assert animate(place, "--mono", *options.split()) == 2
+    assert_one_line(capsys.readouterr().err, part)
+    assert not (place / "out").exists()
 
 
 def test_in_a_pipe_each_frame_is_a_line_and_the_table_comes_last(place, capsys):

@@ -11,11 +11,11 @@ import pytest
 from stereo_reproject.files import whole_file, write_json
 from stereo_reproject.report.label_places import spread
 from stereo_reproject.sequence.report import totals
-from stereo_reproject.sequence.series import REST, series_of
+from stereo_reproject.sequence.series import PLAIN, REFERENCE, REST, series_of
 
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, REFERENCE, draw_animation, draw_animation_chart
+from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, draw_animation, draw_animation_chart
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -167,6 +167,13 @@ def test_the_title_says_how_the_gain_is_known():
     assert five.endswith("(predicted)")
     assert one.startswith("1 frame, ")
     assert one.endswith("(measured on 1 frame)")
+
+
+def test_one_view_is_held_against_plain_renders():
+    texts = texts_in(draw_animation(report([compared(1, views=1), row(2, views=1)])))
+    assert "as fast as plain renders (measured on 1 frame)" in texts[0]
+    assert f"{PLAIN}, measured" in texts
+    assert not any("multiview" in text or "target eye" in text for text in texts)
 
 
 def test_many_points_have_no_markers_but_for_one_that_is_in_no_line():

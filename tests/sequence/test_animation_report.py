@@ -90,6 +90,16 @@ def test_the_table_of_many_views_tells_how_many_were_rendered_and_the_worst_of_a
     assert lines[4:] == ["rendered      4 of 4 views of a frame"]
 
 
+def test_the_table_of_one_view_holds_it_against_plain_renders():
+    rows = [row(1, views=1), row(2, views=1, compare={"multiview_seconds": 6.0, "noise_ratio": 1.0})]
+    compare = {"honest_ratio": 1.04, "flicker": 0.5}
+    lines = format_animation({"totals": totals(rows), "frames": rows, "compare": compare}).splitlines()
+    assert "10.0 % of all pixels, those of rendered frames among them" in lines[2]
+    assert "x over plain renders, measured" in lines[3]
+    assert lines[4:6] == ["honest ratio  1.040, of the worst frame compared", "flicker       0.500, of plain renders'"]
+    assert not any("eye" in line or "views" in line for line in lines)
+
+
 def test_it_says_that_the_multiview_of_compared_frames_was_synced_anew():
     multiview = {"multiview_seconds": 6.0, "noise_ratio": 1.0}
     for compared, synced, said in (

@@ -32,7 +32,7 @@ from ...sequence.report import write_animation_report
 from ...sequence.runs import run_at_work
 from ...sequence.writer_process import WriterJob
 from ...settings.animation import AnimationSettings, spelled
-from ...settings.frame import StereoSettings
+from ...settings.frame import StereoSettings, for_mono
 from ...words import Words
 from ..output.animation_output import Output
 from ..scene.warnings import scene_warnings
@@ -88,12 +88,14 @@ def render_animation_files(
     files: Sequence[str] = (),
     listener: Listener | None = None,
 ) -> dict[str, Any]:
-    """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
+    """Render the pair of each frame, or its one view, and have Blender write it to the scene's output path, format and
+    stereo layout.
 
     A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`: eyes of the last frame,
     left in the folder `out` of saved.work. saved is the scene's file, for the writer to open. Return the animation's
     report. Raises BadInputError and StereoReprojectError; frames that are finished by then stay.
     """
+    settings = for_mono(settings) if options.mono else settings
     return render_frames_of(Pairs(settings), scene, options, saved, files=files, listener=listener or Listener())
 
 

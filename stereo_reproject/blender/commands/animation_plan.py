@@ -44,6 +44,9 @@ def settings_digest(settings: StereoSettings, output: Output, *, reuse: int | No
     out. reuse is that of the animation's settings.
     """
     fields = asdict(replace(settings, compare=False, scene=replace(settings.scene, frame=None)))
+    if not settings.scene.mono:
+        # Pairs of earlier versions are pairs of this one.
+        del fields["scene"]["mono"]
     made = {} if reuse is None else {"reuse": reuse}
     return digest({"settings": fields, "output": output.values, **made})
 

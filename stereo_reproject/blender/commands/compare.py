@@ -1,4 +1,5 @@
-"""The reference for a pair, in the same run: Blender's multiview, and its target eye once more with another seed."""
+"""The reference for a pair, in the same run: Blender's multiview, and its target eye once more with another seed. For
+one view it is a plain render."""
 
 from __future__ import annotations
 
@@ -49,11 +50,11 @@ REPEATED_SEED_OFFSET = 2_000_003
 
 @dataclass(frozen=True)
 class MultiviewReference:
-    """A render by Blender's multiview: the engine, the seconds for both eyes, the target eye (H, W, 4), and that eye
-    once more with another seed. Pictures are scene-linear. light_scale is the number by which light is multiplied to be
-    judged as it is seen. eyes are both eyes by view and view layer, if they were asked for. pixel_weight is that of the
-    target's pixels (`views/solid_angle`), by which each counts in all measures. view is the target's; first is the same
-    of the other eye, if it was asked for.
+    """A render by Blender's multiview, or of one view: the engine, the seconds for both eyes, the target eye (H, W, 4),
+    and that eye once more with another seed. Pictures are scene-linear. light_scale is the number by which light is
+    multiplied to be judged as it is seen. eyes are both eyes by view and view layer, if they were asked for.
+    pixel_weight is that of the target's pixels (`views/solid_angle`), by which each counts in all measures. view is the
+    target's; first is the same of the other eye, if it was asked for.
     """
 
     engine: str
@@ -108,24 +109,27 @@ def render_reference(
     both: bool = False,
 ) -> MultiviewReference:
     """Render the pair by multiview, and its target eye once more with another seed. It is done in a scene copy of its
-    own, which finds nothing that our render has synced, so that its seconds are those of a plain render.
+    own, which finds nothing that our render has synced, so that its seconds are those of a plain render. Of one view,
+    they are those of a second render, which finds its scene synced, as in an animation with persistent data.
 
     layers are the view layers to render, by default the first alone; pictures are those of the first. light_scale is
     that of the pair to be judged, None for that of the reference itself. keeps_eyes: True if `eyes` is wanted; both:
     True if `first` is.
     """
-    target = settings.target
+    target, mono = settings.target, settings.scene.mono
+    views = (target,) if mono else VIEWS
     with working_scene(scene, settings.scene) as copy:
         engine, seed = copy.render.engine, copy.cycles.seed
         main = rendered_layer(copy).name
         used = layers or [main]
         _use_layers(copy, used)
         kept, other = (used if keeps_eyes else ()), shifted_seed(seed, REFERENCE_SEED_OFFSET)
-        both_eyes = render_views(copy, VIEWS, folder, seed=other, layers=kept)
+        repeated, judged = shifted_seed(seed, REPEATED_SEED_OFFSET), (target, settings.source) if both else (target,)
+        synced = render_views(copy, views, folder, seed=repeated) if mono else None
+        both_eyes = render_views(copy, views, folder, seed=other, layers=kept)
         cameras = stereo_cameras(evaluated(copy.camera, copy), copy.render)
         _use_layers(copy, [main])
-        judged = (target, settings.source) if both else (target,)
-        again = render_views(copy, judged, folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
+        again = synced or render_views(copy, judged, folder, seed=repeated)
     eyes = {
         view: {name: replace_non_finite(passes)[0] for name, passes in of.items()}
         for view, of in both_eyes.layers.items()
@@ -165,11 +169,12 @@ def compare_with_multiview(
     multiview's render.
 
     Seconds are of all view layers; the picture that is judged is the main layer's, before any compositor. folder is
-    private; keeps_eyes and both are as for `render_reference`. The first eye is judged where it was made, too.
+    private; keeps_eyes and both are as for `render_reference`. The first eye is judged where it was made, too. Of one
+    view, all is against a plain render.
     """
     frame = pair.main_frame
     scale, layers, reused = frame.light_scale, list(pair.frames), frame.reused
-    both = both or reused is not None
+    both = len(frame.eyes) > 1 and (both or reused is not None)
     multiview = render_reference(
         scene, settings, folder, layers=layers, light_scale=scale, keeps_eyes=keeps_eyes, both=both
     )

@@ -64,7 +64,7 @@ class FrameKind(Protocol):
 
 @dataclass(frozen=True)
 class Pairs:
-    """Frames that are stereo pairs, in files of the scene's own format: a `FrameKind`."""
+    """Frames that are stereo pairs, or one view of mono, in files of the scene's own format: a `FrameKind`."""
 
     settings: StereoSettings
 
@@ -90,8 +90,8 @@ class Pairs:
         return files
 
     def order(self, output: Output) -> dict[str, Any]:  # noqa: ARG002 - for many views
-        """Return the panorama that is made of the scene; see `FrameKind`."""
-        return {"panorama": self.settings.scene.panorama}
+        """Return the panorama that is made of the scene, and whether there is one view; see `FrameKind`."""
+        return {"panorama": self.settings.scene.panorama, "mono": self.settings.scene.mono}
 
     @property
     def maker(self) -> Callable[[MakerJob], BlenderFrameMaker]:

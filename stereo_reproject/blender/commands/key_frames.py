@@ -16,6 +16,7 @@ from ...pipeline.source import Source, render_source
 from ...pipeline.stereo_frame import StereoFrame
 from ...pipeline.stopwatch import Stopwatch
 from ...pipeline.task import FrameTask
+from ...pipeline.whole_view import render_whole_view
 from ...settings.accuracy import accuracy_of
 from ...settings.animation import KEY_FRAME
 from ...settings.frame import StereoSettings
@@ -94,33 +95,34 @@ class KeyFrames:
         state = state_of(working)
         with renderer_of(working, making.work, user_scene=making.scene, packed_by=settings.packed_camera) as renderer:
             task = FrameTask.of_pair(renderer, settings, making.findings, _costs_of(renderer, working), making.watch)
-            source = render_source(task, accuracy_of(settings))
+            source = render_source(task, accuracy_of(settings), for_later=True)
             self._kept[layer] = _Kept(KeyFrame(number, source, dict(renderer.metadata)), state)
 
     def frame(self, renderer: BlenderRenderer, making: Making) -> tuple[StereoFrame, str | None]:
-        """Return the pair of the renderer's scene in its frame, and why it was rendered whole, in words; None where it
-        was made from its key frame."""
+        """Return the pair, or the one view, of the renderer's scene in its frame, and why it was rendered whole, in
+        words; None where it was made from its key frame."""
         working = renderer.scene
         layer, number = rendered_layer(working).name, working.frame_current
         why, kept = _why_never(working), self._kept.get(layer)
         state = None if why else state_of(working)
         tools = {"findings": making.findings, "watch": making.watch, "known_costs": _costs_of(renderer, working)}
+        render_whole = render_whole_view if making.settings.scene.mono else render_stereo_frame
         if state is None:
-            return render_stereo_frame(renderer, making.settings, **tools), why
+            return render_whole(renderer, making.settings, **tools), why
         if self.number_of(number) == number:
             sources: list[Source] = []
-            frame = render_stereo_frame(renderer, making.settings, **tools, on_source=sources.append)
+            frame = render_whole(renderer, making.settings, **tools, on_source=sources.append)
             self._kept[layer] = _Kept(KeyFrame(number, sources[0], dict(renderer.metadata)), state)
             return frame, KEY_FRAME
         if kept is None or kept.key.number != self.number_of(number):
-            return render_stereo_frame(renderer, making.settings, **tools), "its key frame could not be rendered"
+            return render_whole(renderer, making.settings, **tools), "its key frame could not be rendered"
         changed = renderer.fill_blockers()["packed"] or _since(kept, state, renderer)
         if isinstance(changed, str):
-            return render_stereo_frame(renderer, making.settings, **tools), changed
+            return render_whole(renderer, making.settings, **tools), changed
         made = render_from_key(renderer, making.settings, kept.key, changed, **tools)
         if made is None:
             why = f"too little of it is seen in frame {kept.key.number}"
-            return render_stereo_frame(renderer, making.settings, **tools), why
+            return render_whole(renderer, making.settings, **tools), why
         return made, None
 
 

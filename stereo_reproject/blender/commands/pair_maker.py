@@ -1,4 +1,4 @@
-"""Renders the frames of an animation that are stereo pairs."""
+"""Renders the frames of an animation that are stereo pairs, or one view of mono."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import StereoReprojectError
-from ...images.exr import VIEWS, write_eye
+from ...images.exr import write_eye
 from ...jobs.supervisor import FRAME
 from ...jobs.work_folder import CUTOUTS
 from ...pipeline.stages import RENDERING, Stage
@@ -48,7 +48,7 @@ KEYS_OF_A_FRAME = (
 
 
 class PairMaker(BlenderFrameMaker):
-    """Maker of frames that are stereo pairs."""
+    """Maker of frames that are stereo pairs, or of one view where the settings are those of mono frames."""
 
     _last_pair: StereoPair | None = None
     """Pair of the last frame, where it is kept."""
@@ -92,12 +92,15 @@ class PairMaker(BlenderFrameMaker):
         """
         fields = as_json(report)
         figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
+        if self._settings.scene.mono:
+            figures["views"] = 1
         figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
         figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
         return figures
 
     def _compared(self, settings: StereoSettings, pair: StereoPair, frame: int) -> dict[str, Any]:
-        """Return how the pair of a frame compares with multiview by the same settings, by the keys of its report."""
+        """Return how the pair of a frame compares with multiview by the same settings, or its one view with a plain
+        render, by the keys of its report."""
         self._scenes.close()
         reuses = self._keys is not None
         compared, multiview = compare_with_multiview(self._scene, settings, pair, self._work, both=reuses)
@@ -106,14 +109,13 @@ class PairMaker(BlenderFrameMaker):
             found["flicker"] = self._flicker.since_last(frame, pair, multiview)
         # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
         # each frame of an animation anew, unless Persistent Data is on.
-        return {**found, "synced_anew": True}
+        return {**found, "synced_anew": not settings.scene.mono}
 
     def _hand_out(self, folder: Path, pair: StereoPair) -> None:
         """Write the files that the writer needs of a pair into a folder. Raises OutputError."""
         try:
             folder.mkdir(exist_ok=True)
-            for view in VIEWS:
-                layers = pair.eyes[view]
+            for view, layers in pair.eyes.items():
                 write_eye(folder / f"{view}.exr", layers, view=view, metadata=pair.metadata, compressed=False)
             if self._options.holes:
                 target = colour(pair.eyes[self._settings.target][pair.main])
@@ -129,7 +131,6 @@ class PairMaker(BlenderFrameMaker):
         """
         if self._last_pair is not None:
             folder.mkdir(exist_ok=True)
-            for view in VIEWS:
-                eye, metadata = self._last_pair.eyes[view], self._last_pair.metadata
-                write_eye(folder / f"{view}.exr", eye, view=view, metadata=metadata)
+            for view, eye in self._last_pair.eyes.items():
+                write_eye(folder / f"{view}.exr", eye, view=view, metadata=self._last_pair.metadata)
         return self._last

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInputError
 from ...estimate.tracing import ProbedTracing, TargetTracing, WarpedTarget
-from ...holes.classifier import Optics, ray_lengths_tell
+from ...holes.classifier import Optics, has_ray_lengths
 from ...images.denoising import Denoise
 from ...images.depth_pass import distances, with_depth, with_depth_at
 from ...images.effects import Effect
@@ -281,7 +281,8 @@ def _shows_mirrors(scene: bpy.types.Scene, eyes: Mapping[str, Camera], optics: O
     A denoised picture has most of these passes anyway; for a noisy one, boxes around what may be a mirror must cover
     min_mirror_boxes_share of the picture.
     """
-    if not ray_lengths_tell(eyes["left"], eyes["right"], optics):
+    # A target may be the eye of another frame.
+    if not has_ray_lengths(eyes["left"], optics):
         return False
     if denoised:
         return True

@@ -38,9 +38,9 @@ AS_IT_IS = SceneOverrides()
 class Output:
     """The output of an animation. name is what the files' names begin with; files are each frame's, by its number: one,
     or one for each eye. layout is the frames', movie_layout that of a movie made of them (None: one that we have no
-    name for). values are all settings of the format; half_floats is True for an EXR of 16 bits. panorama is the part of
-    the sphere that a movie shows (None: a planar one, one whose layout has no name, or one that no mark can say);
-    lacks_mark is True for the last of these.
+    name for, or one view alone). values are all settings of the format; half_floats is True for an EXR of 16 bits.
+    panorama is the part of the sphere that a movie shows (None: a planar one, one whose layout has no name, or one that
+    no mark can say); lacks_mark is True for the last of these.
     """
 
     folder: Path
@@ -85,7 +85,7 @@ def output_of(
     scene: bpy.types.Scene, options: AnimationSettings, overrides: SceneOverrides = AS_IT_IS
 ) -> tuple[AnimationSettings, Output]:
     """Return the options completed by what the scene says, and the output of their frames. overrides are those of the
-    render, which may make a panorama of the scene.
+    render, which may make a panorama of the scene, or one view.
 
     A scene whose own format is a movie first has its frames in pictures, in a folder beside the movie. Raises
     BadInputError when files cannot be written.
@@ -95,12 +95,12 @@ def output_of(
     check_file_outputs(scene)
     own_movies = options.layout == "individual" or (scene.render.is_movie_format and asked.movie is None)
     if scene.render.is_movie_format:
-        options = _with_movie(scene, options, asked, frames)
+        options = _with_movie(scene, options, asked, frames, mono=overrides.mono)
     with as_ordered(scene, options.output, options.layout, options.file_format):
         # With a folder of their own, there and nowhere else, whatever the scene's path says.
-        files = output_files(scene, frames, folder=options.output)
+        files = output_files(scene, frames, folder=options.output, mono=overrides.mono)
         settings = scene.render.image_settings
-        layout = options.layout or layout_of(scene)
+        layout = None if overrides.mono else options.layout or layout_of(scene)
         values = {"layout": layout, **format_values(scene)}
         folder = files[frames[0]][0].parent
         shown = _of_movie(layout, own_movies)
@@ -148,15 +148,20 @@ def _of_movie(layout: str | None, own_movies: bool) -> str | None:
 
 
 def _with_movie(
-    scene: bpy.types.Scene, options: AnimationSettings, asked: AnimationSettings, frames: Sequence[int]
+    scene: bpy.types.Scene,
+    options: AnimationSettings,
+    asked: AnimationSettings,
+    frames: Sequence[int],
+    *,
+    mono: bool,
 ) -> AnimationSettings:
     """Return the options for a scene whose own format is a movie: with that movie, and pictures of 16 bits until then.
-    asked are the options as they were given, before frames were filled in.
+    asked are the options as they were given, before frames were filled in. mono is as for `output_files`.
     """
     span = range(frames[0], frames[-1] + 1)
     with as_ordered(scene, options.output, None, None):
-        movie = output_files(scene, frames[:1], folder=options.output, span=span)[frames[0]][0]
-        if scene.render.image_settings.views_format == "INDIVIDUAL":
+        movie = output_files(scene, frames[:1], folder=options.output, span=span, mono=mono)[frames[0]][0]
+        if not mono and scene.render.image_settings.views_format == "INDIVIDUAL":
             suffix = next(view.file_suffix for view in scene.render.views if view.name == VIEWS[0])
             movie = movie.with_stem(movie.stem.removesuffix(suffix))
     output = options.output or str(movie.with_name(f"{movie.stem}.frames"))

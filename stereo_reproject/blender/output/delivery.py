@@ -69,7 +69,6 @@ def deliver_picture(scene: bpy.types.Scene, picture: NDArray[np.float32], path: 
         with (
             _as_delivered(empty, eyes, compositing=False),
             side_by_side_png(empty, path),
-            changed(empty.render, use_multiview=False),
         ):
             _hand_over(empty, lambda _: eyes, Words("write {name}", name=path.name), NOTHING, write_still=True)
     check_png(path)
@@ -159,7 +158,6 @@ def deliver_composited_view(
         _as_delivered(scene, eyes),
         file_outputs_muted(scene),
         linear_exr(scene, path),
-        changed(scene.render, use_multiview=False),
     ):
         _hand_over(scene, lambda _: eyes, Words("write {name}", name=path.name), metadata, write_still=True)
 
@@ -200,7 +198,7 @@ def deliver_frames(
     scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range, metadata: Mapping[str, str] = NOTHING
 ) -> None:
     """Have Blender write the eyes of `frames` into a folder as it writes an animation: in the scene's own format,
-    layout and naming, movies too.
+    layout and naming, movies too. One view, which is called "", is written as without stereoscopy.
 
     eyes_at returns the eyes of a frame; the scene's compositor is run on each. The scene's settings are restored
     afterwards. Raises StereoReprojectError.
@@ -233,7 +231,7 @@ def deliver_movie(
         _at_frame(scene, frames[0]),
         _as_delivered(scene, eyes_at(frames[0]), compositing=False),
         changed(scene, **span),
-        changed(scene.render, use_multiview=False, use_stamp=False, **files),
+        changed(scene.render, use_stamp=False, **files),
     ):
         _hand_over(scene, eyes_at, Words("write the movie"), NOTHING, animation=True)
 
@@ -256,12 +254,14 @@ def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
 @contextmanager
 def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = True) -> Iterator[None]:
     """Have the scene set so that nothing but these eyes goes into its result, for the time of a `with` block; the
-    settings are restored afterwards. With compositing, the scene's compositor is run, if it has one that can be.
+    settings are restored afterwards. A single view is called "". With compositing, the scene's compositor is run,
+    if it has one that can be.
     """
     delivered = next(iter(eyes.values()))
     compositing = compositing and is_composited(scene)
     with ExitStack() as changes:
-        changes.enter_context(changed(scene.render, use_compositing=compositing, **_as_it_is()))
+        plain = {"use_compositing": compositing, "use_multiview": "" not in eyes}
+        changes.enter_context(changed(scene.render, **plain, **_as_it_is()))
         for layer in scene.view_layers:
             # The eyes have Grease Pencil already, as far as they can.
             changes.enter_context(changed(layer, use=layer.name in delivered, use_grease_pencil=False))
@@ -303,6 +303,5 @@ def _as_it_is() -> dict[str, Any]:
         "use_sequencer": False,
         "use_freestyle": False,
         "use_single_layer": False,
-        "use_multiview": True,
         "views_format": "STEREO_3D",
     }

@@ -118,8 +118,8 @@ class FrameWriter:
 
 
 class PairPictures:
-    """The files of frames that are pairs, as Blender writes them: in the format of the scene's own output settings, or
-    of the job's, which stay set."""
+    """The files of frames that are pairs, or of one view, as Blender writes them: in the format of the scene's own
+    output settings, or of the job's, which stay set."""
 
     def __init__(self, scene: bpy.types.Scene, job: WriterJob, journal: Journal) -> None:
         self._scene, self._job, self._journal = scene, job, journal
@@ -133,7 +133,10 @@ class PairPictures:
         """
         out, number = folder / "out", frame.frame
         deliver = deliver_anaglyph if is_our_own(self._job.layout) else deliver_frames
-        eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
+        if self._job.mono:
+            eyes = {"": read_eye(folder / f"{VIEWS[0]}.exr")}
+        else:
+            eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
         deliver(self._scene, lambda _: eyes, out, frames=range(number, number + 1), metadata=frame.metadata)
         made = {path.name: path for path in made_in(out)}
         for kind in (HOLES, CUTOUTS) if made else ():

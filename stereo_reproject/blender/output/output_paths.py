@@ -119,10 +119,15 @@ def output_stem(scene: bpy.types.Scene) -> str:
 
 
 def output_files(
-    scene: bpy.types.Scene, frames: Iterable[int], *, folder: str | None = None, span: range | None = None
+    scene: bpy.types.Scene,
+    frames: Iterable[int],
+    *,
+    folder: str | None = None,
+    span: range | None = None,
+    mono: bool = False,
 ) -> dict[int, list[Path]]:
     """Return, by frame number, the files that each frame's pair is written to by the scene's own settings: one, or one
-    for each eye.
+    for each eye; with mono, the file of its one view.
 
     folder, if given, replaces the scene's own folder. span is given for a movie: the range of frames that Blender puts
     into its name; each frame then has the movie's path. Raises BadInputError when the output path cannot be used, and
@@ -133,16 +138,17 @@ def output_files(
         raise BadInputError("Output is switched off in Output properties: no file of an animation would be written")
     if needs_a_saved_file(render.filepath):
         raise BadInputError("the output path is relative to a file that was never saved: save it, or change the path")
-    if render.image_settings.views_format == "INDIVIDUAL":
+    apart = render.image_settings.views_format == "INDIVIDUAL" and not mono
+    if apart:
         _check_suffixes(render)
     ends = {} if span is None else {"frame_start": span.start, "frame_end": span.stop - 1}
-    views = [{}] if render.image_settings.views_format != "INDIVIDUAL" else [{"view": view} for view in VIEWS]
+    views = [{"view": view} for view in VIEWS] if apart else [{}]
 
     def place(path: str) -> Path:
         return Path(path if folder is None else f"{folder}/{SEPARATOR.split(path)[-1]}")
 
     try:
-        with changed(render, use_multiview=True), changed(scene, **ends):
+        with changed(render, use_multiview=not mono), changed(scene, **ends):
             files = {frame: [place(render.frame_path(frame=frame, **view)) for view in views] for frame in frames}
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")

@@ -4,7 +4,7 @@ all."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import bpy
 
@@ -29,6 +29,18 @@ def animated_values(block: bpy.types.ID) -> dict[Place, set[int]]:
             if on:
                 found[strip.as_pointer(), name] = {0}
     return found
+
+
+def hold(data: bpy.types.Camera, within: str, values: Mapping[str, float]) -> None:
+    """Set properties of a camera's data, or with `within` of the struct of this path in it, to these values, and keep
+    them so where they are animated."""
+    owner = data.path_resolve(within.removesuffix(".")) if within else data
+    for name, value in values.items():
+        setattr(owner, name, value)
+        if (owner.as_pointer(), name) in animated_values(data):
+            data.driver_remove(within + name)
+            # Drivers come after curves.
+            data.driver_add(within + name).driver.expression = repr(float(value))
 
 
 def _place(block: bpy.types.ID, path: str) -> Place | None:

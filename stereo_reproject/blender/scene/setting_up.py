@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...settings.frame import EYES, SceneOverrides
+from .animated import hold
 from .rendered import CYCLES
 from .rig import MODES
 from .vr_cameras import set_up_panorama
@@ -56,7 +57,16 @@ def apply_overrides(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides:
         _apply_to_cycles(scene, overrides)
     if overrides.panorama is not None:
         set_up_panorama(scene.render, camera, overrides)
+    _apply_to_stereo(camera, overrides)
+
+
+def _apply_to_stereo(camera: bpy.types.Camera, overrides: SceneOverrides) -> None:
+    """Set the stereo settings of a working scene's camera as the overrides say."""
     stereo = camera.stereo
+    if overrides.mono:
+        # The left eye is then the camera itself, to the bit.
+        hold(camera, "stereo.", {"interocular_distance": 0.0, "use_spherical_stereo": False})
+        stereo.pivot = "LEFT"
     if overrides.interocular_distance is not None:
         stereo.interocular_distance = overrides.interocular_distance
     if overrides.convergence_distance is not None:

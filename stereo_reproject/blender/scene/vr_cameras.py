@@ -7,7 +7,6 @@ frames, the times while a shutter is open, and the frames around one that motion
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import bpy
 
@@ -15,7 +14,7 @@ from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
 from ...views.comfort import MAX_VERGENCE_DEGREES, turned_apart_degrees
 from ...words import Words
-from .animated import animated_values
+from .animated import hold
 from .panoramas import pole_merge_crosses
 from .rendered import CYCLES
 
@@ -133,28 +132,16 @@ def set_up_panorama(render: bpy.types.RenderSettings, data: bpy.types.Camera, ov
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     assert overrides.panorama is not None
     half, parallel = HALF_WIDTHS[overrides.panorama], made_parallel(data, overrides)
-    _set(data, "", {"longitude_min": -half, "longitude_max": half})
-    _set(data, "", {"latitude_min": -0.5 * math.pi, "latitude_max": 0.5 * math.pi})
+    hold(data, "", {"longitude_min": -half, "longitude_max": half})
+    hold(data, "", {"latitude_min": -0.5 * math.pi, "latitude_max": 0.5 * math.pi})
     if data.type == "PANO":
         return
     data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"
     # A panorama would be moved by whole pictures.
-    _set(data, "", {"shift_x": 0.0, "shift_y": 0.0})
-    _set(data, "dof.", {"use_dof": False})
+    hold(data, "", {"shift_x": 0.0, "shift_y": 0.0})
+    hold(data, "dof.", {"use_dof": False})
     first, last = POLE_MERGE
     merge = {"use_pole_merge": True, "pole_merge_angle_from": first, "pole_merge_angle_to": last}
-    _set(data, "stereo.", {"use_spherical_stereo": True, **merge})
+    hold(data, "stereo.", {"use_spherical_stereo": True, **merge})
     if parallel:
         data.stereo.convergence_mode = "PARALLEL"
-
-
-def _set(data: bpy.types.Camera, within: str, values: Mapping[str, float]) -> None:
-    """Set properties of a camera's data, or with `within` of the struct of this path in it, to these values, and keep
-    them so where they are animated."""
-    owner = data.path_resolve(within.removesuffix(".")) if within else data
-    for name, value in values.items():
-        setattr(owner, name, value)
-        if (owner.as_pointer(), name) in animated_values(data):
-            data.driver_remove(within + name)
-            # Drivers come after curves.
-            data.driver_add(within + name).driver.expression = repr(float(value))
