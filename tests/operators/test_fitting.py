@@ -55,6 +55,23 @@ def test_a_checkbox_has_room_to_the_end_of_the_panel(extension):
     assert box == ("prop", "use_scripts", "")
 
 
+@pytest.mark.parametrize(("width", "scale", "in_header"), [(250, 1.0, True), (400, 1.5, True), (250, 1.5, False)])
+def test_the_menu_of_presets_is_in_the_header_or_in_the_panel(extension, monkeypatch, width, scale, in_header):
+    from stereo_reproject_extension.operators import panels
+
+    popovers, headers = [], []
+    drawn = Drawn()
+    drawn.popover = lambda name, **texts: popovers.append((name, texts["text"]))
+    where = context(width, scale)
+    where.scene, where.space_data = bpy.context.scene, None
+    monkeypatch.setattr(panels.STEREO_REPROJECT_PT_presets, "draw_panel_header", headers.append)
+    panel = SimpleNamespace(layout=drawn, bl_label=panels._Main.bl_label)
+    panels._Main.draw_header_preset(panel, where)
+    panels._Main.draw(panel, where)
+    assert len(headers) == in_header
+    assert popovers == [("STEREO_REPROJECT_PT_presets", "Presets")] * (not in_header)
+
+
 def row(where, name, value, monkeypatch):
     from stereo_reproject_extension.operators import drawing
 
