@@ -46,7 +46,7 @@ HEADER_PX = 40.0
 class _Main:
     """Contents of the main panel: render buttons, the settings that matter most, and the last result."""
 
-    bl_label = "Stereo Reprojection"
+    bl_label = "Stereo Pair"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the menu of presets in the panel's header, unless it would cover the header's text."""

@@ -137,7 +137,9 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         column.prop(self, "format")
         column.prop(self, "percentage")
         if all(self.sides):
-            width, height = wiggle_size(tuple(self.sides), self.percentage, suffix=Path(self.filepath).suffix.lower() or GIF)
+            width, height = wiggle_size(
+                tuple(self.sides), self.percentage, suffix=Path(self.filepath).suffix.lower() or GIF
+            )
             row = column.row()
             row.alignment = "RIGHT"
             row.label(text=shown(Words("{width} x {height} pixels", width=width, height=height)))

@@ -33,7 +33,7 @@ UNPROMISED = "Not checked: reflections and glass stay as the first eye sees them
 MAY_BE_WRONG = "the pair may be wrong there"
 """Words by which a warning says that a part of the picture may be wrong though the spot checks have found nothing."""
 
-WARNED_OF = "{verdict}, but for what is warned of below"
+WARNED_OF = "{verdict}, but for what a warning names"
 
 MAX_EQUAL_RATIO = SETTINGS["balanced"].promise or 1.0
 """Greatest honest ratio of a picture that is called as good as a rendered one: what the default accuracy promises."""

@@ -330,6 +330,9 @@ def wiggle_until_a_render():
     yield from until(lambda: shown()[1] != "WIGGLE", "a render does not end it")
     yield from redrawn()
     facts["after_render"] = shown()
+    sizes = importlib.import_module(f"{MODULE}.operators.zoom_and_place")
+    facts["size_of_another"] = sizes.drawn_size(area_of("IMAGE_EDITOR"))
+    facts["expected_size"] = [render.resolution_x // 10, render.resolution_y // 10]
     with in_editor():
         facts["one_view"] = []
         try:

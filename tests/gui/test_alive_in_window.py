@@ -97,6 +97,7 @@ def test_a_double_click_does_not_cancel_an_animation_and_a_later_click_does(fact
     assert facts["double click"]
     assert max(facts["between buttons"]) < BUTTON_PX, "the second click was not on Cancel"
     assert facts["click on cancel"].startswith("Cancelled: ")
+    assert facts["click on cancel"] in facts["reports"], "the status bar says nothing"
 
 
 @pytest.mark.parametrize("display", ["AREA", "WINDOW"])

@@ -167,6 +167,10 @@ def test_so_does_a_new_render(facts):
     assert facts["after_render"][0] == "Render Result"
 
 
+def test_the_size_of_another_render_is_known_from_its_drawing(facts):
+    assert facts["size_of_another"] == facts["expected_size"]
+
+
 def test_a_picture_with_one_view_is_refused_in_one_line(facts):
     (line,) = facts["one_view"]
     assert "no stereo pair" in line

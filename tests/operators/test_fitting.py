@@ -72,6 +72,23 @@ def test_the_menu_of_presets_is_in_the_header_or_in_the_panel(extension, monkeyp
     assert popovers == [("STEREO_REPROJECT_PT_presets", "Presets")] * (not in_header)
 
 
+TITLE_PX, INDENT_PX = 12.0, 16.0
+"""Pixels that a panel's header takes beside its title, at a scale of 1, more than a line of text; and what a sub-panel's
+is indented. Without the grip, that of a sub-panel takes less."""
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.5])
+def test_the_titles_of_all_panels_fit(extension, scale):
+    from stereo_reproject_extension.operators.fitting import fits
+    from stereo_reproject_extension.operators.image_panels import IMAGE_PANELS
+    from stereo_reproject_extension.operators.panels import PANELS
+
+    titles = {cls.bl_label for cls in (*PANELS, *IMAGE_PANELS)}
+    assert len(titles) > 8
+    assert [title for title in titles if not fits(context(250, scale), title, 1.0, TITLE_PX)] == []
+    assert not fits(context(250, 1.5), "Stereo Reprojection", 1.0, TITLE_PX), "as the window's pictures show"
+
+
 def row(where, name, value, monkeypatch):
     from stereo_reproject_extension.operators import drawing
 

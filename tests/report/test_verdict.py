@@ -74,7 +74,7 @@ def test_no_tick_stands_above_a_warning_that_something_may_be_wrong(kept, good):
     made["warnings"] += [f"4.0% of the picture is too near, and {MAY_BE_WRONG}; move the camera"]
     after = quality_of(made)
     assert after.good is good
-    assert after.words == (before.words + ", but for what is warned of below" if kept else before.words)
+    assert after.words == (before.words + ", but for what a warning names" if kept else before.words)
     assert quality_of_animation([{**made, "frame": 1}]).good is good
 
 
