@@ -27,7 +27,7 @@ from .slots import content_now
 from .text import reported, sentence, shown
 from .view_modes import NO_PAIR, pair_in
 from .wiggling import WIGGLE_SECONDS
-from .zoom_and_place import drawn_size
+from .zoom_and_place import picture_size
 
 LEAST_PX = 480
 """Pixels of the longer side that a wiggle has at least, unless a size is chosen or the pair has fewer."""
@@ -232,7 +232,7 @@ def _drawn_sides(context: bpy.types.Context, pair: bpy.types.Image) -> tuple[int
     """
     areas = [area for _, area in image_editors()]
     areas.sort(key=lambda area: area != context.area)
-    sizes = (drawn_size(area) for area in areas if area.spaces.active.image == pair)
+    sizes = (picture_size(area) for area in areas if area.spaces.active.image == pair)
     return next(filter(None, sizes), None)
 
 

@@ -45,10 +45,10 @@ def drawn_at(area: bpy.types.Area) -> ZoomAndPlace:
     return ZoomAndPlace(area.spaces.active.zoom_percentage / 100.0, x, y)
 
 
-def drawn_size(area: bpy.types.Area) -> tuple[int, int] | None:
+def picture_size(area: bpy.types.Area) -> tuple[int, int] | None:
     """Return width and height in pixels of the picture in an Image Editor, also of a Render Result, whose size Blender
-    does not tell: they follow from the zoom and from how much of the picture the editor shows. None where nothing is
-    shown.
+    does not tell: they follow from the zoom and from how much of a picture the editor has drawn last, whichever that
+    was, because Blender works out that zoom for the picture of now. None where nothing is shown.
     """
     region, space = _region_of(area), area.spaces.active
     if space.image is None or min(region.width, region.height) <= 1:

@@ -83,6 +83,15 @@ def test_the_sidebar_covers_nothing_of_a_pair_that_is_fitted(facts):
     assert 0.9 * free < width <= free + 1.0
 
 
+def test_the_sidebar_covers_nothing_of_the_render_result(facts):
+    """The Cornell box is square: it may have room in the editor's middle."""
+    left, right, free, whole = facts["pair beside the sidebar"]
+    assert free < whole, "the sidebar does not lie over the picture"
+    assert left >= -1
+    assert right <= free + 1
+    assert right - left > 0.5 * free
+
+
 def test_under_a_sidebar_that_leaves_little_a_picture_is_fitted_to_the_whole_editor(facts):
     width, free, whole = facts["under a wide sidebar"]
     assert free < 0.6 * whole
