@@ -304,9 +304,9 @@ def _deliver(
     """Make the eyes that a run has written the scene's Render Result, and show it. The run's EXR files are removed.
 
     Return "", or words for the message if the result is in another render slot than the user's; and the eyes. frame is
-    the one at which the scene's compositor is run; to_look_at is as for `deliver_to_result`. A preview, and a picture
-    after one, which has another size, is fitted to the editor. Raises BadInputError if the scene is None, since it was
-    deleted meanwhile.
+    the one at which the scene's compositor is run; to_look_at is as for `deliver_to_result`. A preview, a picture after
+    one, which has another size, and a result whose pictures were fitted under way are fitted to the editor. Raises
+    BadInputError if the scene is None, since it was deleted meanwhile.
     """
     if scene is None:
         raise _deleted(run)
@@ -325,7 +325,7 @@ def _deliver(
     if gone:
         run.warnings.append(_words_of_deleted(gone))
     if bpy.context.window is not None and not bpy.app.background:
-        fit = preview or has_preview(scene)
+        fit = preview or has_preview(scene) or under_way.is_fitted()
         # An editor that the user has turned to something else since the job began is left alone.
         show_delivered(scene, fit=fit, opens=not under_way.hand_over())
     if slot is None:

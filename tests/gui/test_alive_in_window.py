@@ -93,6 +93,10 @@ def test_an_editor_that_opens_for_a_run_closes_after_escape(facts, display, wind
     assert images == []
 
 
+def test_a_result_is_fitted_where_its_pictures_were(facts):
+    assert facts["fitted after an animation"] == pytest.approx(1.0, abs=0.02)
+
+
 def test_a_double_click_does_not_cancel_an_animation_and_a_later_click_does(facts):
     assert facts["double click"]
     assert max(facts["between buttons"]) < BUTTON_PX, "the second click was not on Cancel"
