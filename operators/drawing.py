@@ -23,13 +23,12 @@ from ..stereo_reproject.report.verdict import (
 from ..stereo_reproject.words import Words
 from . import second_blender
 from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
-from .jobs import STEREO_REPROJECT_OT_cancel, running
+from .jobs import STEREO_REPROJECT_OT_cancel, running, told
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
 from .run import BackgroundJob
-from .run_words import progress_of, saved_so_far, stage_alone
 from .slots import content_now
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
@@ -100,11 +99,10 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
 
 def draw_progress(column: bpy.types.UILayout) -> bool:
     """Draw the progress of the running job and a button that cancels it. Return False where no job is running."""
-    run = running()
-    if run is None:
+    if running() is None:
         return False
-    fraction, words = progress_of(run)
-    column.progress(factor=fraction, text=shown(words))
+    now = told()
+    column.progress(factor=now.fraction, text=shown(now.far))
     column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
     return True
 
@@ -114,9 +112,9 @@ def _draw_running(layout: bpy.types.UILayout, context: bpy.types.Context, run: B
     that the buttons below stay where they are."""
     if run.uid != context.scene.session_uid:
         paragraph(layout, context, Words("Scene {name}:", name=repr(run.scene_name)))
-    paragraph(layout, context, stage_alone(run))
+    paragraph(layout, context, told().stage)
     if run.animation is not None:
-        paragraph(layout, context, saved_so_far(run))
+        paragraph(layout, context, told().saved)
 
 
 def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

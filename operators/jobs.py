@@ -18,7 +18,7 @@ from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
 from .run import BackgroundJob
-from .run_words import cancelled_words, progress_of, stage_of
+from .run_words import Told, cancelled_words, stage_and_saved, told_of
 from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
@@ -32,6 +32,9 @@ _running: list[BackgroundJob] = []
 
 _timers: list[bpy.types.Timer] = []
 
+_told: list[Told] = []
+"""Progress of the job that is under way, as the window was told it last; none before that."""
+
 _said: set[str] = set()
 """Warnings that need to be reported once, as nothing can be done about them in this Blender, and were."""
 
@@ -39,6 +42,13 @@ _said: set[str] = set()
 def running() -> BackgroundJob | None:
     """Return the job that is under way, or None."""
     return _running[0] if _running else None
+
+
+def told() -> Told:
+    """Return the progress of the job that is under way as every place of the window says it: panels may be drawn at
+    any moment, and status bars only when they are told.
+    """
+    return _told[0] if _told else told_of(_running[0])
 
 
 def stop_running() -> None:
@@ -60,6 +70,7 @@ def stop_running() -> None:
 
 def _quiet() -> None:
     """Stop the timer of the job that is over, and clear the status bar of every window."""
+    _told.clear()
     while _timers:
         bpy.context.window_manager.event_timer_remove(_timers.pop())
         _clear_status()
@@ -142,8 +153,9 @@ class JobOperator:
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         run.looks += 1
-        far = progress_of(run)[1]
-        self._tell(shown(Words("{far}.  {stage}", far=far, stage=stage_of(run))), shown(far))
+        now = told_of(run)
+        _told[:] = [now]
+        self._tell(shown(Words("{far}.  {stage}", far=now.far, stage=stage_and_saved(now))), shown(now.far))
         under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:

@@ -46,11 +46,11 @@ HEADER_PX = 40.0
 class _Main:
     """Contents of the main panel: render buttons, the settings that matter most, and the last result."""
 
-    bl_label = "Stereo Reprojection"
+    bl_label = "Stereo Pair"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the menu of presets in the panel's header, unless it would cover the header's text."""
-        if fits(context, self.bl_label, 1.0, HEADER_PX):
+        if _header_has_room(context, self.bl_label):
             STEREO_REPROJECT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -62,6 +62,8 @@ class _Main:
         column = layout.column()
         draw_setting(column, context, chosen, "accuracy")
         draw_setting(column, context, chosen, "source", expand=True)
+        if not _header_has_room(context, _Main.bl_label):
+            column.popover(STEREO_REPROJECT_PT_presets.__name__, text="Presets", icon="PRESET")
         draw_panorama(column, context)
         in_the_way = obstacle(scene)
         if in_the_way is not None:
@@ -69,6 +71,11 @@ class _Main:
         if result_of(scene).delivery is not None and running() is None:
             draw_modes_elsewhere(layout, context)
         draw_outcome(layout, context)
+
+
+def _header_has_room(context: bpy.types.Context, label: str) -> bool:
+    """Return whether the menu of presets fits beside the label in the header of a panel."""
+    return fits(context, label, 1.0, HEADER_PX)
 
 
 def obstacle(scene: bpy.types.Scene) -> str | None:

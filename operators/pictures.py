@@ -5,6 +5,7 @@ import bpy
 from .results import PICTURES, result_of
 from .run import job_has_thread
 from .text import reported
+from .zoom_and_place import picture_size
 
 NAME = "Stereo {}"
 
@@ -119,9 +120,8 @@ def fit_result() -> None:
 
 
 def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Zoom an Image Editor so that the whole picture fits into it, and put that into its middle, or, as far as the
-    picture's size is known, into what the sidebar leaves free, if that is most of it; while a job runs, do as
-    `zoom_to_fit`.
+    """Zoom an Image Editor so that the whole picture fits into it, and put that into its middle, or into what the
+    sidebar leaves free, if that is most of it; while a job runs, do as `zoom_to_fit`.
     """
     if job_has_thread():
         zoom_to_fit(area)
@@ -141,11 +141,11 @@ def _clear_of_sidebar(area: bpy.types.Area, region: bpy.types.Region) -> None:
     """Make a picture that is in the middle of an Image Editor's region smaller, and move it to the left, until the
     sidebar covers nothing of it; not beside a sidebar that leaves little room. The editor must be that of the context.
     """
-    space = area.spaces.active
     sidebar = next((other for other in area.regions if other.type == "UI" and other.width > 1), None)
-    width, height = space.image.size
-    if sidebar is None or not width:
+    size = picture_size(area)
+    if sidebar is None or size is None:
         return
+    width, height = size
     covered = region.x + region.width - sidebar.x
     free = region.width - covered
     # The editor's own zoom is that of the picture that was drawn last.

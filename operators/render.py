@@ -39,6 +39,7 @@ from ..stereo_reproject.sequence.report import totals
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair
+from ..stereo_reproject.views.parallax import visible_parallax
 from ..stereo_reproject.words import Words
 from . import under_way
 from .animation_run import Animation
@@ -47,12 +48,25 @@ from .jobs import JobOperator
 from .multiview import hand_over_multiview
 from .prediction import full_gain_of, gain_words
 from .preferences import preferred
-from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
+from .results import (
+    Delivery,
+    KnownDepth,
+    has_preview,
+    keep_animation,
+    keep_depth,
+    keep_inspection,
+    keep_pair,
+    result_of,
+)
 from .run import BackgroundJob, Pictures, seconds_of
 from .slots import content_now, leave_multiview, multiview_now, unused_slot
+from .stereo import eyes_of
 from .text import reported
 from .view_images import show_delivered
 from .viewing import VIEWING, needs_our_player
+
+Eyes = Mapping[str, Mapping[str, Mapping[str, NDArray]]]
+"""Both eyes of a pair: for each its passes (H, W, C), by view layer and name."""
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
 
@@ -101,10 +115,11 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Make the pair the Render Result, keep its report for the panels, and return its summary."""
         frame = run.settings.scene.frame
-        where, edges = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
+        where, eyes = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
         assert scene is not None
         assert run.report is not None
-        keep_pair(scene, run, _delivery(frame, preview=self.preview, compared=run.settings.compare), edges)
+        delivery = _delivery(frame, preview=self.preview, compared=run.settings.compare)
+        keep_pair(scene, run, delivery, _edges_of(scene, eyes))
         return reported(Words("{result}{where}", result=summary(scene), where=where))
 
 
@@ -137,8 +152,10 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         if report["last"] is not None:
             try:
                 # What its File Output nodes write was written with each frame.
-                where, _ = _deliver(scene, run, frame=report["last"], to_look_at=True)
+                where, eyes = _deliver(scene, run, frame=report["last"], to_look_at=True)
                 shown = True
+                assert scene is not None
+                keep_depth(scene, _depth_of(scene, eyes, run.settings.source, report["last"]))
             except StereoReprojectError as error:
                 run.warnings.append(Words("the last frame is not shown: {reason}", reason=str(error)))
         run.close()
@@ -283,13 +300,13 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
 
 def _deliver(
     scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool, preview: bool = False
-) -> tuple[str, tuple[EdgeHit, ...] | None]:
+) -> tuple[str, Eyes]:
     """Make the eyes that a run has written the scene's Render Result, and show it. The run's EXR files are removed.
 
-    Return "", or words for the message if the result is in another render slot than the user's; and what the eyes show
-    at the frame's edges, None if they do not reach them. frame is the one at which the scene's compositor is run;
-    to_look_at is as for `deliver_to_result`. A preview, and a picture after one, which has another size, is fitted to
-    the editor. Raises BadInputError if the scene is None, since it was deleted meanwhile.
+    Return "", or words for the message if the result is in another render slot than the user's; and the eyes. frame is
+    the one at which the scene's compositor is run; to_look_at is as for `deliver_to_result`. A preview, a picture after
+    one, which has another size, and a result whose pictures were fitted under way are fitted to the editor. Raises
+    BadInputError if the scene is None, since it was deleted meanwhile.
     """
     if scene is None:
         raise _deleted(run)
@@ -308,26 +325,37 @@ def _deliver(
     if gone:
         run.warnings.append(_words_of_deleted(gone))
     if bpy.context.window is not None and not bpy.app.background:
-        fit = preview or has_preview(scene)
+        fit = preview or has_preview(scene) or under_way.is_fitted()
         # An editor that the user has turned to something else since the job began is left alone.
         show_delivered(scene, fit=fit, opens=not under_way.hand_over())
-    edges = _edges_of(scene, eyes)
     if slot is None:
-        return "", edges
-    return Words("; in the render slot {slot}, as another render was made meanwhile", slot=repr(slot)), edges
+        return "", eyes
+    return Words("; in the render slot {slot}, as another render was made meanwhile", slot=repr(slot)), eyes
 
 
-def _edges_of(
-    scene: bpy.types.Scene, eyes: Mapping[str, Mapping[str, Mapping[str, NDArray]]]
-) -> tuple[EdgeHit, ...] | None:
-    """Return what both eyes, passes by view layer and name, show at the frame's edges: of several layers what is
-    nearest. None where a render region leaves the edges out.
+def _depth_of(scene: bpy.types.Scene, eyes: Eyes, source: str, frame: int) -> KnownDepth | None:
+    """Return the depths that a frame's rendered eye, named by source, shows; None where that is nothing, or where the
+    scene's camera has no screen.
     """
+    cameras = eyes_of(scene)
+    if cameras is None:
+        return None
+    left, right, width = cameras
+    seen = visible_parallax(left, right, _nearest(eyes[source]), width)
+    return None if seen is None else KnownDepth(seen[0].depth, seen[1].depth, frame, _edges_of(scene, eyes))
+
+
+def _edges_of(scene: bpy.types.Scene, eyes: Eyes) -> tuple[EdgeHit, ...] | None:
+    """Return what both eyes show at the frame's edges. None where a render region leaves the edges out."""
     region = frame_region(scene.render)
     if (region.left, region.width) != (0, region.full_width):
         return None
-    nearest = {eye: [passes[DEPTH_PASS][..., 0] for passes in layers.values()] for eye, layers in eyes.items()}
-    return hits_of_pair({eye: np.min(depths, axis=0) for eye, depths in nearest.items()}, EDGE_ROWS)
+    return hits_of_pair({eye: _nearest(layers) for eye, layers in eyes.items()}, EDGE_ROWS)
+
+
+def _nearest(layers: Mapping[str, Mapping[str, NDArray]]) -> NDArray:
+    """Return the depth (H, W) of what is nearest in the view layers of an eye."""
+    return np.min([passes[DEPTH_PASS][..., 0] for passes in layers.values()], axis=0)
 
 
 def _render_seconds(run: BackgroundJob, frame: int | None) -> float | None:

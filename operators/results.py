@@ -203,6 +203,12 @@ def keep_animation(
     result.warnings, result.delivery = run.warnings, delivery
 
 
+def keep_depth(scene: bpy.types.Scene, depth: KnownDepth | None) -> None:
+    """Keep the depths that a picture of the scene shows, in place of those that were known; None is passed over."""
+    result = result_of(scene)
+    result.depth = depth or result.depth
+
+
 def keep_views(scene: bpy.types.Scene, views: DeliveredViews) -> None:
     """Keep what is known of many views for the panels. What is kept of the scene's last pair stays."""
     _forget_gone()

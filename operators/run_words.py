@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ..stereo_reproject.jobs.progress import left_words
 from ..stereo_reproject.jobs.supervisor import VIEW, frame_of
 from ..stereo_reproject.pipeline.stages import words_of
@@ -12,6 +14,23 @@ from .run import BackgroundJob
 GOES_ON = "Render Animation goes on with the others"
 GOES_ON_WITHOUT_OVERWRITE = "To go on with the others, switch off Overwrite in Output first"
 """Ways to go on after a cancelled animation, by its Overwrite."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Progress of a run at a moment: how far it is, from 0 to 1 and in words, what it does, and the time that an
+    animation's frames have saved, "" before the first of them.
+    """
+
+    fraction: float
+    far: str
+    stage: str
+    saved: str
+
+
+def told_of(run: BackgroundJob) -> Told:
+    """Return the progress of a run now."""
+    return Told(*progress_of(run), stage_alone(run), saved_so_far(run))
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
@@ -43,8 +62,12 @@ def frame_words(run: BackgroundJob) -> str:
 
 def stage_of(run: BackgroundJob) -> str:
     """Return in words what a run is doing; of an animation with the time saved so far."""
-    stage, saved = stage_alone(run), saved_so_far(run)
-    return Words("{stage}, {saved}", stage=stage, saved=saved) if saved else stage
+    return stage_and_saved(told_of(run))
+
+
+def stage_and_saved(told: Told) -> str:
+    """Return in words what a run is doing, of an animation with the time saved so far, from its progress."""
+    return Words("{stage}, {saved}", stage=told.stage, saved=told.saved) if told.saved else told.stage
 
 
 def stage_alone(run: BackgroundJob) -> str:

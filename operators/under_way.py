@@ -168,6 +168,11 @@ def _pair_of(image: bpy.types.Image | None) -> str:
     return image[PAIR] if image is not None and kind_of(image) is not None else ""
 
 
+def is_fitted() -> bool:
+    """Return whether the pictures of the job that is under way are fitted to the editor that was chosen for it."""
+    return bool(_editors) and _editors[0].fit
+
+
 def hand_over() -> bool:
     """Have the Render Result, or the image in which the Render Result before was seen without glasses, take the place
     of the job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown,

@@ -14,7 +14,7 @@ from .jobs import running
 from .pictures import fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
 from .text import reported, sentence, shown
-from .view_images import ARRANGEMENTS, has_two_views, image_of, made_images, pair_shown_in, remove_all, remove_unused
+from .view_images import has_two_views, image_of, made_images, pair_shown_in, remove_all, remove_unused
 
 ANAGLYPH, WIGGLE = "ANAGLYPH", "WIGGLE"
 
@@ -161,10 +161,10 @@ def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
         _show_made(context, pair, mode)
         return
     space = context.space_data
-    was_wide = _is_wide(space)
+    is_shown = space.image == pair
     _in_anaglyph(context.window)
     space.image, space.show_stereo_3d = pair, True
-    redraw_with_both_eyes(fit=was_wide)
+    redraw_with_both_eyes(fit=not is_shown)
     remove_unused(keep=wiggling.kinds_in_use())
     _last_modes[space.as_pointer()] = (mode, pair.name)
 
@@ -181,11 +181,6 @@ def _show_made(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> 
         fit_editor(context.window, context.area)
     remove_unused(keep=(*kinds, *wiggling.kinds_in_use()))
     _last_modes[space.as_pointer()] = (mode, pair.name)
-
-
-def _is_wide(space: bpy.types.SpaceImageEditor) -> bool:
-    """Return whether an Image Editor shows both eyes beside each other."""
-    return len(ARRANGEMENTS.get(kind_of(space.image) or "", ())) > 1
 
 
 def _in_anaglyph(window: bpy.types.Window) -> None:

@@ -20,12 +20,14 @@ from ..stereo_reproject.jobs.wiggle_movie import make_wiggle_movie
 from ..stereo_reproject.jobs.work_folder import is_full_disk_error, work_folder
 from ..stereo_reproject.jobs.worker_process import module_command
 from ..stereo_reproject.words import Words
+from .pictures import image_editors
 from .preferences import temporary_folder
 from .results import result_of
 from .slots import content_now
 from .text import reported, sentence, shown
 from .view_modes import NO_PAIR, pair_in
 from .wiggling import WIGGLE_SECONDS
+from .zoom_and_place import picture_size
 
 LEAST_PX = 480
 """Pixels of the longer side that a wiggle has at least, unless a size is chosen or the pair has fewer."""
@@ -93,6 +95,13 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         max=5.0,
         step=5,
     )
+    sides: bpy.props.IntVectorProperty(
+        name="Sides of the Pair",
+        description="Width and height of the pair in pixels; 0 where they are not known",
+        size=2,
+        min=0,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -105,8 +114,10 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         seen.
         """
         self.filepath = suggested_path(self.filepath, _stem_of(context), SUFFIXES[self.format])
+        # The File Browser may take the place of the editor that shows the pair.
+        self.sides = _sides_of_pair(context) or (0, 0)
         if not self.properties.is_property_set("percentage"):
-            self.percentage = usual_percentage(_sides_of_pair(context) or (0, 0))
+            self.percentage = usual_percentage(tuple(self.sides))
         return set(super().invoke(context, event))
 
     def check(self, context: bpy.types.Context) -> bool:
@@ -119,15 +130,16 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             self.format = typed
         return bool(super().check(context)) or changed
 
-    def draw(self, context: bpy.types.Context) -> None:
+    def draw(self, _context: bpy.types.Context) -> None:
         """Draw the settings beside the files, and the size in pixels where the pair's is known."""
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(self, "format")
         column.prop(self, "percentage")
-        sides = _sides_of_pair(context)
-        if sides is not None:
-            width, height = wiggle_size(sides, self.percentage, suffix=Path(self.filepath).suffix.lower() or GIF)
+        if all(self.sides):
+            width, height = wiggle_size(
+                tuple(self.sides), self.percentage, suffix=Path(self.filepath).suffix.lower() or GIF
+            )
             row = column.row()
             row.alignment = "RIGHT"
             row.label(text=shown(Words("{width} x {height} pixels", width=width, height=height)))
@@ -196,7 +208,7 @@ def _is_last_result(context: bpy.types.Context) -> bool:
 
 def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:
     """Return width and height of the pair that would be exported, in pixels; None where they are not known: Blender
-    does not tell them of a Render Result that is not ours.
+    tells them of a Render Result that is not ours only where an Image Editor shows it.
     """
     pair = pair_in(context)
     if pair is None or pair.type != "RENDER_RESULT":
@@ -204,7 +216,7 @@ def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:
         return sides if all(sides) else None
     result = result_of(context.scene)
     if not _is_last_result(context):
-        return None
+        return _drawn_sides(context, pair)
     if result.report is not None:
         return tuple(result.report["size"])
     assert result.delivery is not None
@@ -212,6 +224,16 @@ def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:
     # A record of an earlier version may have no size.
     of_frame = (row for row in rows if row["frame"] == result.delivery.frame and row.get("size"))
     return next((tuple(row["size"]) for row in of_frame), None)
+
+
+def _drawn_sides(context: bpy.types.Context, pair: bpy.types.Image) -> tuple[int, int] | None:
+    """Return width and height of the pair in this image, in pixels, from the Image Editor of the context, or else from
+    any that shows it; None where none does.
+    """
+    areas = [area for _, area in image_editors()]
+    areas.sort(key=lambda area: area != context.area)
+    sizes = (picture_size(area) for area in areas if area.spaces.active.image == pair)
+    return next(filter(None, sizes), None)
 
 
 def _export(scene: bpy.types.Scene, pair: bpy.types.Image, path: Path, percentage: float, seconds: float) -> None:

@@ -45,6 +45,23 @@ def drawn_at(area: bpy.types.Area) -> ZoomAndPlace:
     return ZoomAndPlace(area.spaces.active.zoom_percentage / 100.0, x, y)
 
 
+def picture_size(area: bpy.types.Area) -> tuple[int, int] | None:
+    """Return width and height in pixels of the picture in an Image Editor, also of a Render Result, whose size Blender
+    does not tell: they follow from the zoom and from how much of a picture the editor has drawn last, whichever that
+    was, because Blender works out that zoom for the picture of now. None where nothing is shown.
+    """
+    region, space = _region_of(area), area.spaces.active
+    if space.image is None or min(region.width, region.height) <= 1:
+        return None
+    # As in `drawn_at`.
+    ends = [region.view2d.region_to_view(*corner) for corner in ((0, 0), (region.width - 1, region.height - 1))]  # pyright: ignore[reportGeneralTypeIssues] - as above
+    shown = ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
+    if min(*shown, *space.zoom) <= 0.0:  # pyright: ignore[reportArgumentType, reportGeneralTypeIssues] - as above
+        return None
+    width, height = region.width / (shown[0] * space.zoom[0]), region.height / (shown[1] * space.zoom[1])
+    return round(width), round(height)
+
+
 def put_at(window: bpy.types.Window, area: bpy.types.Area, at: ZoomAndPlace) -> None:
     """Have the picture of an Image Editor, which may not have been drawn yet, seen at this zoom and place; while a job
     runs, only at this zoom, see `zoom_to_fit` in `pictures`. Do nothing where Blender does so by itself.

@@ -30,6 +30,11 @@ NOT_AS_GOOD = f"Not as good as rendering both eyes: see {UNCERTAIN_AREAS}"
 TOO_CLOSE = "Too close to tell if it is as good as rendering both eyes"
 UNPROMISED = "Not checked: reflections and glass stay as the first eye sees them"
 
+MAY_BE_WRONG = "the pair may be wrong there"
+"""Words by which a warning says that a part of the picture may be wrong though the spot checks have found nothing."""
+
+WARNED_OF = "{verdict}, but for what a warning names"
+
 MAX_EQUAL_RATIO = SETTINGS["balanced"].promise or 1.0
 """Greatest honest ratio of a picture that is called as good as a rendered one: what the default accuracy promises."""
 
@@ -73,8 +78,10 @@ def accuracy_name(accuracy: str) -> str:
 def quality_of(report: Mapping[str, Any], *, preview: bool = False) -> Verdict:
     """Return the verdict on a pair's quality. A comparison with multiview decides where it has measured something;
     else the estimate does. A preview is held against both eyes rendered as small and noisy, since it tells nothing of
-    more samples."""
+    more samples. A warning that something may be wrong takes from a good verdict that it is sure."""
     found = _quality_of(report)
+    if found.good and any(MAY_BE_WRONG in warning for warning in report["warnings"]):
+        found = Verdict(Words(WARNED_OF, verdict=found.words), good=None)
     return Verdict(_of_preview(found.words), found.good) if preview else found
 
 

@@ -200,6 +200,29 @@ def without_an_image_editor():
         yield 0.5
         closed = [len(bpy.context.window_manager.windows), [area.type for area in window().screen.areas] == kinds]
         facts[f"opened as {display}"] = [opened, closed, left()]
+    yield from animate_without_an_image_editor()
+
+
+def animate_without_an_image_editor():
+    """The result is as large in the editor that Blender opens as its frames were under way."""
+    scene = bpy.context.scene
+    scene.frame_end, scene.render.filepath = 1, str(FOLDER / "one" / "shot_")
+    kept = scene.render.resolution_percentage, scene.cycles.samples
+    scene.render.resolution_percentage, scene.cycles.samples = 10, 16
+    bpy.context.preferences.view.render_display_type = "AREA"
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.render.stereo_reproject_animation("INVOKE_DEFAULT")
+    yield from ended()
+    yield from redrawn()
+    region, size = region_of("IMAGE_EDITOR", "WINDOW"), results().animation["frames"][0]["size"]
+    shares = [zoom * side for zoom, side in zip(space().zoom, size, strict=True)]
+    facts["fitted after an animation"] = max(shares[0] / region.width, shares[1] / region.height)
+    shoot("animated_in_a_new_editor")
+    with bpy.context.temp_override(window=window(), area=area_of("IMAGE_EDITOR")):
+        bpy.ops.render.view_cancel()
+    scene.render.resolution_percentage, scene.cycles.samples = kept
+    scene.frame_end, scene.render.filepath = 2, str(FOLDER / "shots" / "shot_")
+    yield 0.5
 
 
 def click_twice_on_animation():

@@ -220,6 +220,13 @@ def fit_beside_the_sidebar():
     """The sidebar lies over the picture, as it does unless the preferences say otherwise."""
     bpy.context.preferences.system.use_region_overlap = True
     yield from redrawn()
+    yield from click("IMAGE_EDITOR", "UI", "show_picture(which='PAIR')")
+    over_the_picture()
+    yield from redrawn()
+    sidebar, region = region_of("IMAGE_EDITOR", "UI"), region_of("IMAGE_EDITOR", "WINDOW")
+    left, _, right, _ = seen_at()
+    facts["pair beside the sidebar"] = [left, right, sidebar.x - region.x, region.width]
+    shoot("pair_beside_the_sidebar")
     for mode in ("LEFT", "SIDE_BY_SIDE"):
         yield from click("IMAGE_EDITOR", "UI", f"show_view(mode='{mode}')")
         over_the_picture()
@@ -330,6 +337,9 @@ def wiggle_until_a_render():
     yield from until(lambda: shown()[1] != "WIGGLE", "a render does not end it")
     yield from redrawn()
     facts["after_render"] = shown()
+    sizes = importlib.import_module(f"{MODULE}.operators.zoom_and_place")
+    facts["size_of_another"] = sizes.picture_size(area_of("IMAGE_EDITOR"))
+    facts["expected_size"] = [render.resolution_x // 10, render.resolution_y // 10]
     with in_editor():
         facts["one_view"] = []
         try:

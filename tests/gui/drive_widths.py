@@ -1,5 +1,5 @@
 """Runs inside a Blender with a window: draws all panels of the extension at several widths and scales of the interface,
-and uses a shortcut. `-- ZIP FOLDER`: see drive_common. Not a test itself."""
+and uses the shortcuts for rendering. `-- ZIP FOLDER`: see drive_common. Not a test itself."""
 
 import importlib
 import sys
@@ -32,7 +32,7 @@ from drive_common import (
 
 SCALES = (1.0, 1.5)
 WIDTHS_PX = (250, 400)
-MAX_PAGES = 5
+MAX_PAGES = 12
 """Screenshots of a region's panels, from their beginning to their end, at most."""
 
 PAGE_TURNS = 12
@@ -72,17 +72,24 @@ def prefer_small_previews():
     bpy.context.scene.stereo_reproject.preview_percentage = 1
 
 
-def use_the_shortcut():
-    """As an artist does, with the mouse over the 3D View; and end it again."""
+def use_the_shortcuts():
+    """As an artist does, with the mouse over the 3D View; and end each render again."""
+    bpy.context.scene.render.filepath = str(FOLDER / "shots" / "shot_")
     region = region_of("VIEW_3D", "WINDOW")
     go(region.x + region.width // 2, region.y + region.height // 2)
-    yield 0.2
-    press("F12", ctrl=True, shift=True)
-    yield 0.3
-    run = jobs().running()
-    facts["shortcut_renders"] = run is not None
-    press("ESC")
-    yield from until(lambda: jobs().running() is None, "Esc did not end the run")
+    find = bpy.context.window_manager.keyconfigs.find_item_from_operator
+    for name, held in (("image", {}), ("animation", {"alt": True})):
+        _, item = find(f"render.stereo_reproject_{name}", context="INVOKE_REGION_WIN")
+        yield 0.2
+        press("F12", ctrl=True, shift=True, **held)
+        yield 0.3
+        run = jobs().running()
+        started = "nothing" if run is None else "a picture" if run.animation is None else "an animation"
+        is_whole = run is not None and run.settings.scene.size is None
+        facts["shortcuts"][name] = [item.to_string() if item else None, started, is_whole]
+        press("ESC")
+        yield from until(lambda: jobs().running() is None, "Esc did not end the run")
+        yield 0.3
 
 
 def have_results():
@@ -152,6 +159,7 @@ def shoot_pages(kind, region_type, name):
         drawn = (FOLDER / f"widths-{name}-{page}.png").read_bytes()
         if drawn == before:
             (FOLDER / f"widths-{name}-{page}.png").unlink()
+            facts["to the end"].append(name)
             return
         before = drawn
         facts["shots"][f"widths-{name}-{page}"] = [region.x, region.y, region.width, region.height]
@@ -221,13 +229,13 @@ def speak_german():
     bpy.app.translations.unregister("drive_widths")
 
 
-facts.update(shots={}, controls={})
+facts.update({"shots": {}, "controls": {}, "shortcuts": {}, "to the end": []})
 run_steps(
     [
         set_up,
         open_all_panels,
         prefer_small_previews,
-        use_the_shortcut,
+        use_the_shortcuts,
         have_results,
         look_at_what_is_cut_off,
         look_at_sidebars,

@@ -93,10 +93,16 @@ def test_an_editor_that_opens_for_a_run_closes_after_escape(facts, display, wind
     assert images == []
 
 
+def test_a_result_is_fitted_where_its_pictures_were(facts):
+    """At 100 % it would fill an eighth of the editor; Blender leaves a margin."""
+    assert 0.8 < facts["fitted after an animation"] <= 1.01
+
+
 def test_a_double_click_does_not_cancel_an_animation_and_a_later_click_does(facts):
     assert facts["double click"]
     assert max(facts["between buttons"]) < BUTTON_PX, "the second click was not on Cancel"
     assert facts["click on cancel"].startswith("Cancelled: ")
+    assert facts["click on cancel"] in facts["reports"], "the status bar says nothing"
 
 
 @pytest.mark.parametrize("display", ["AREA", "WINDOW"])

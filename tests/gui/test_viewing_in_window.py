@@ -83,6 +83,15 @@ def test_the_sidebar_covers_nothing_of_a_pair_that_is_fitted(facts):
     assert 0.9 * free < width <= free + 1.0
 
 
+def test_the_sidebar_covers_nothing_of_the_render_result(facts):
+    """The Cornell box is square: it may have room in the editor's middle."""
+    left, right, free, whole = facts["pair beside the sidebar"]
+    assert free < whole, "the sidebar does not lie over the picture"
+    assert left >= -1
+    assert right <= free + 1
+    assert right - left > 0.5 * free
+
+
 def test_under_a_sidebar_that_leaves_little_a_picture_is_fitted_to_the_whole_editor(facts):
     width, free, whole = facts["under a wide sidebar"]
     assert free < 0.6 * whole
@@ -165,6 +174,10 @@ def test_so_does_another_press_and_another_button(facts):
 
 def test_so_does_a_new_render(facts):
     assert facts["after_render"][0] == "Render Result"
+
+
+def test_the_size_of_another_render_is_known_from_its_drawing(facts):
+    assert facts["size_of_another"] == facts["expected_size"]
 
 
 def test_a_picture_with_one_view_is_refused_in_one_line(facts):

@@ -116,7 +116,7 @@ def test_a_text_that_is_cut_off_would_be_seen(facts, scale):
 @pytest.mark.parametrize("place", ["view", "image", "output"])
 def test_no_text_is_cut_off(facts, place, scale, width):
     shots = {name: region for name, region in facts["shots"].items() if f"-{place}-{scale}-{width}-" in name}
-    assert shots
+    assert f"{place}-{scale}-{width}" in facts["to the end"], "not all panels were seen"
     for name, region in shots.items():
         assert region[2] == pytest.approx(width, abs=2)
         assert ellipses(drawn(name, region), float(scale)) == [], name
@@ -126,8 +126,12 @@ def test_blender_translates_panels_and_reports(facts):
     assert facts["german"] == ["12 s gespart"] * 2
 
 
-def test_the_shortcut_renders(facts):
-    assert facts["shortcut_renders"]
+@pytest.mark.parametrize(("name", "started"), [("image", "a picture"), ("animation", "an animation")])
+def test_a_shortcut_renders_and_is_what_a_menu_shows(facts, name, started):
+    key, begun, is_whole = facts["shortcuts"][name]
+    assert begun == started
+    assert is_whole, "the menu's entry is no preview"
+    assert key.split() == (["Shift", "Ctrl", "F12"] if name == "image" else ["Shift", "Ctrl", "Alt", "F12"])
 
 
 def test_the_preferences_count(facts):

@@ -406,6 +406,25 @@ def test_a_pair_shows_what_the_frame_cuts_in_front_of_the_screen(extension, scen
     assert cut.startswith("Something is in front of the screen and cut by its left edge. Set the convergence nearer")
 
 
+def test_an_animation_shows_the_depth_and_the_cuts_of_its_last_frame(extension, scene, tmp_path):
+    from stereo_reproject_extension.operators.depth_panel import _when
+    from stereo_reproject_extension.operators.results import result_of
+
+    place_at_the_left_edge(scene)
+    scene.frame_start, scene.frame_end, scene.cycles.samples = 6, 7, 1
+    if hasattr(scene.render.image_settings, "media_type"):
+        scene.render.image_settings.media_type = "IMAGE"
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.filepath = str(tmp_path / "shot_")
+    assert result_of(scene).depth is None
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    known = result_of(scene).depth
+    assert (known.near, known.frame) == (pytest.approx(NEAR, rel=1e-3), 7)
+    assert known.far > NEAR
+    assert [hit.depth for hit in known.edges if hit.side == "left"] == pytest.approx([NEAR] * EDGE_ROWS, rel=1e-3)
+    assert _when(known, scene) == f"Depth at frame 7 (now {scene.frame_current})"
+
+
 def test_a_pair_of_a_render_region_does_not_show_the_frame_s_edges(extension, scene):
     border_around_the_card(scene)
     known, said = render_preview(scene)

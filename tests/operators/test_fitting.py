@@ -55,6 +55,43 @@ def test_a_checkbox_has_room_to_the_end_of_the_panel(extension):
     assert box == ("prop", "use_scripts", "")
 
 
+@pytest.mark.parametrize(("width", "scale", "in_header"), [(250, 1.0, True), (250, 1.5, True), (230, 1.5, False)])
+def test_the_menu_of_presets_is_in_the_header_or_in_the_panel(extension, monkeypatch, width, scale, in_header):
+    from stereo_reproject_extension.operators import panels
+
+    popovers, headers = [], []
+    drawn = Drawn()
+    drawn.popover = lambda name, **texts: popovers.append((name, texts["text"]))
+    where = context(width, scale)
+    where.scene, where.space_data = bpy.context.scene, None
+    monkeypatch.setattr(panels.STEREO_REPROJECT_PT_presets, "draw_panel_header", headers.append)
+    panel = SimpleNamespace(layout=drawn, bl_label=panels._Main.bl_label)
+    panels._Main.draw_header_preset(panel, where)
+    panels._Main.draw(panel, where)
+    assert len(headers) == in_header
+    assert popovers == [("STEREO_REPROJECT_PT_presets", "Presets")] * (not in_header)
+
+
+TITLE_PX, SUB_TITLE_PX = 11.0, 2.0
+"""Pixels that a panel's header takes beside its title, at a scale of 1, more than a line of text does; and that of a
+sub-panel, which is indented and has no grip. Seen in Blender 5.2 (tests/gui/drive_widths.py)."""
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.5])
+def test_the_titles_of_all_panels_fit(extension, scale):
+    from stereo_reproject_extension.operators.fitting import fits
+    from stereo_reproject_extension.operators.image_panels import IMAGE_PANELS
+    from stereo_reproject_extension.operators.panels import PANELS
+
+    def is_whole(title, px):
+        return fits(context(250, scale), title, 1.0, px)
+
+    titles = {(cls.bl_label, bool(getattr(cls, "bl_parent_id", ""))) for cls in (*PANELS, *IMAGE_PANELS)}
+    assert {is_sub for _, is_sub in titles} == {False, True}
+    assert [title for title, is_sub in titles if not is_whole(title, SUB_TITLE_PX if is_sub else TITLE_PX)] == []
+    assert is_whole("Stereo Reprojection", TITLE_PX) == (scale == 1.0)
+
+
 def row(where, name, value, monkeypatch):
     from stereo_reproject_extension.operators import drawing
 

@@ -193,21 +193,25 @@ def test_an_earlier_file_stays_where_the_new_one_cannot_be_written(pair, tmp_pat
 
 
 @pytest.mark.parametrize(("percentage", "name", "sides"), [(50, "a.gif", (48, 27)), (99, "a.mp4", (94, 52))])
-def test_the_export_says_how_many_pixels_it_writes(pair, percentage, name, sides):
+def test_the_export_says_how_many_pixels_it_writes(extension, percentage, name, sides):
     from stereo_reproject_extension.operators.wiggle_export import STEREO_REPROJECT_OT_export_wiggle
 
     drawn = Drawn()
-    operator = SimpleNamespace(layout=drawn, percentage=percentage, filepath=name)
+    operator = SimpleNamespace(layout=drawn, percentage=percentage, filepath=name, sides=SIZE)
     STEREO_REPROJECT_OT_export_wiggle.draw(operator, bpy.context)
     assert f"{sides[0]} x {sides[1]} pixels" in drawn.labels
 
 
-def test_of_another_render_the_export_names_no_pixels(pair):
-    from stereo_reproject_extension.operators.wiggle_export import _sides_of_pair
+def test_of_another_render_that_no_editor_shows_the_export_names_no_pixels(pair):
+    from stereo_reproject_extension.operators.wiggle_export import STEREO_REPROJECT_OT_export_wiggle, _sides_of_pair
 
     assert _sides_of_pair(bpy.context) == SIZE
     bpy.ops.render.render()
     assert _sides_of_pair(bpy.context) is None
+    drawn = Drawn()
+    operator = SimpleNamespace(layout=drawn, percentage=50, filepath="a.gif", sides=(0, 0))
+    STEREO_REPROJECT_OT_export_wiggle.draw(operator, bpy.context)
+    assert drawn.labels == []
 
 
 def test_of_an_animation_s_frame_the_export_knows_size_and_number(extension, scene, tmp_path):

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -135,3 +136,37 @@ def cancel_at(monkeypatch, condition):
 
     monkeypatch.setattr(BackgroundJob, "_on_event", tell)
     return words
+
+
+def test_every_place_of_the_window_says_the_same(extension, scene, monkeypatch):
+    """A panel may be drawn anew at any moment, because the mouse is over it; a status bar is not."""
+    from stereo_reproject_extension.operators import drawing, jobs
+
+    far = iter([0.40, 0.41, 0.42, 0.43])
+    run = SimpleNamespace(
+        uid=scene.session_uid,
+        stage="source",
+        detail="",
+        stage_words={},
+        far=lambda: (next(far), 42.0),
+        looks=0,
+        **dict.fromkeys(("animation", "picture", "error")),
+        **dict.fromkeys(("is_ending", "finished"), False),
+        savings=[],
+    )
+    monkeypatch.setattr(jobs, "_running", [run])
+    monkeypatch.setattr(jobs, "_told", [])
+    said = []
+    window = SimpleNamespace(_tell=lambda text, _: said.append(text), uses_render_result=True)
+    layout = SimpleNamespace(
+        progress=lambda *, factor, text: said.append((factor, text)), operator=lambda *_, **__: None
+    )
+    for _ in range(2):
+        jobs.JobOperator.modal(window, bpy.context, SimpleNamespace(type="TIMER"))
+        run.stage = "fill"
+        drawing.draw_progress(layout)
+    at_first, panel, then, panel_then = said
+    assert panel == (0.40, "40 %, 42 s left")
+    assert at_first.startswith("40 %, 42 s left.  Rendering the first eye")
+    assert panel_then == (0.41, "41 %, 42 s left")
+    assert then.startswith(panel_then[1])

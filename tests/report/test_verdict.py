@@ -9,6 +9,7 @@ import pytest
 from stereo_reproject.estimate.missing import NOTHING_DIFFERS, PROMISES_NOTHING
 from stereo_reproject.report.verdict import (
     AS_GOOD,
+    MAY_BE_WRONG,
     NEARLY_AS_GOOD,
     NOT_AS_GOOD,
     TOO_CLOSE,
@@ -64,6 +65,17 @@ def report(compare=None, fractions=None, **estimate):
 )
 def test_quality_is_said_in_plain_words(made, words, good):
     assert quality_of(made) == Verdict(words, good)
+
+
+@pytest.mark.parametrize(("kept", "good"), [(True, None), (False, False)])
+def test_no_tick_stands_above_a_warning_that_something_may_be_wrong(kept, good):
+    made = report(kept=kept)
+    before = quality_of(made)
+    made["warnings"] += [f"4.0% of the picture is too near, and {MAY_BE_WRONG}; move the camera"]
+    after = quality_of(made)
+    assert after.good is good
+    assert after.words == (before.words + ", but for what a warning names" if kept else before.words)
+    assert quality_of_animation([{**made, "frame": 1}]).good is good
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from stereo_reproject.blender.output.pictures import read_png, write_estimate
 
 HEIGHT = 90
 BACKGROUND = 24 / 255
-WHY = "nothing that is seen looks different from each eye, and calls for probes"
+WHY = "nothing that is seen looks different from each eye, and that is a long reason"
 
 
 def legend_of(folder, width, *, why_none=None, known=0.0):
