@@ -23,7 +23,7 @@ from ..stereo_reproject.report.verdict import (
 from ..stereo_reproject.words import Words
 from . import second_blender
 from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
-from .jobs import STEREO_REPROJECT_OT_cancel, running, told
+from .jobs import STEREO_REPROJECT_OT_cancel, progress_shown, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
@@ -101,7 +101,7 @@ def draw_progress(column: bpy.types.UILayout) -> bool:
     """Draw the progress of the running job and a button that cancels it. Return False where no job is running."""
     if running() is None:
         return False
-    now = told()
+    now = progress_shown()
     column.progress(factor=now.fraction, text=shown(now.far))
     column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
     return True
@@ -112,9 +112,9 @@ def _draw_running(layout: bpy.types.UILayout, context: bpy.types.Context, run: B
     that the buttons below stay where they are."""
     if run.uid != context.scene.session_uid:
         paragraph(layout, context, Words("Scene {name}:", name=repr(run.scene_name)))
-    paragraph(layout, context, told().stage)
+    paragraph(layout, context, progress_shown().stage)
     if run.animation is not None:
-        paragraph(layout, context, told().saved)
+        paragraph(layout, context, progress_shown().saved)
 
 
 def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -18,7 +18,7 @@ from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
 from .run import BackgroundJob
-from .run_words import Told, cancelled_words, stage_and_saved, told_of
+from .run_words import RunProgress, cancelled_words, run_progress, stage_and_saved
 from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
@@ -32,7 +32,7 @@ _running: list[BackgroundJob] = []
 
 _timers: list[bpy.types.Timer] = []
 
-_told: list[Told] = []
+_shown_progress: list[RunProgress] = []
 """Progress of the job that is under way, as the window was told it last; none before that."""
 
 _said: set[str] = set()
@@ -44,11 +44,11 @@ def running() -> BackgroundJob | None:
     return _running[0] if _running else None
 
 
-def told() -> Told:
+def progress_shown() -> RunProgress:
     """Return the progress of the job that is under way as every place of the window says it: panels may be drawn at
     any moment, and status bars only when they are told.
     """
-    return _told[0] if _told else told_of(_running[0])
+    return _shown_progress[0] if _shown_progress else run_progress(_running[0])
 
 
 def stop_running() -> None:
@@ -70,7 +70,7 @@ def stop_running() -> None:
 
 def _quiet() -> None:
     """Stop the timer of the job that is over, and clear the status bar of every window."""
-    _told.clear()
+    _shown_progress.clear()
     while _timers:
         bpy.context.window_manager.event_timer_remove(_timers.pop())
         _clear_status()
@@ -153,8 +153,8 @@ class JobOperator:
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         run.looks += 1
-        now = told_of(run)
-        _told[:] = [now]
+        now = run_progress(run)
+        _shown_progress[:] = [now]
         self._tell(shown(Words("{far}.  {stage}", far=now.far, stage=stage_and_saved(now))), shown(now.far))
         under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.

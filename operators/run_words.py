@@ -17,7 +17,7 @@ GOES_ON_WITHOUT_OVERWRITE = "To go on with the others, switch off Overwrite in O
 
 
 @dataclass(frozen=True)
-class Told:
+class RunProgress:
     """Progress of a run at a moment: how far it is, from 0 to 1 and in words, what it does, and the time that an
     animation's frames have saved, "" before the first of them.
     """
@@ -28,9 +28,9 @@ class Told:
     saved: str
 
 
-def told_of(run: BackgroundJob) -> Told:
+def run_progress(run: BackgroundJob) -> RunProgress:
     """Return the progress of a run now."""
-    return Told(*progress_of(run), stage_alone(run), saved_so_far(run))
+    return RunProgress(*progress_of(run), stage_alone(run), saved_so_far(run))
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
@@ -62,12 +62,12 @@ def frame_words(run: BackgroundJob) -> str:
 
 def stage_of(run: BackgroundJob) -> str:
     """Return in words what a run is doing; of an animation with the time saved so far."""
-    return stage_and_saved(told_of(run))
+    return stage_and_saved(run_progress(run))
 
 
-def stage_and_saved(told: Told) -> str:
+def stage_and_saved(progress: RunProgress) -> str:
     """Return in words what a run is doing, of an animation with the time saved so far, from its progress."""
-    return Words("{stage}, {saved}", stage=told.stage, saved=told.saved) if told.saved else told.stage
+    return Words("{stage}, {saved}", stage=progress.stage, saved=progress.saved) if progress.saved else progress.stage
 
 
 def stage_alone(run: BackgroundJob) -> str:

@@ -155,7 +155,7 @@ def test_every_place_of_the_window_says_the_same(extension, scene, monkeypatch):
         savings=[],
     )
     monkeypatch.setattr(jobs, "_running", [run])
-    monkeypatch.setattr(jobs, "_told", [])
+    monkeypatch.setattr(jobs, "_shown_progress", [])
     said = []
     window = SimpleNamespace(_tell=lambda text, _: said.append(text), uses_render_result=True)
     layout = SimpleNamespace(
