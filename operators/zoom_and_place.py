@@ -54,8 +54,9 @@ def picture_size(area: bpy.types.Area) -> tuple[int, int] | None:
     if space.image is None or min(region.width, region.height) <= 1:
         return None
     # As in `drawn_at`.
-    ends = [region.view2d.region_to_view(*corner) for corner in ((0, 0), (region.width - 1, region.height - 1))]  # pyright: ignore[reportGeneralTypeIssues] - as above
-    shown = ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
+    left, low = region.view2d.region_to_view(0, 0)  # pyright: ignore[reportGeneralTypeIssues] - as above
+    right, high = region.view2d.region_to_view(region.width - 1, region.height - 1)  # pyright: ignore[reportGeneralTypeIssues] - as above
+    shown = right - left, high - low
     if min(*shown, *space.zoom) <= 0.0:  # pyright: ignore[reportArgumentType, reportGeneralTypeIssues] - as above
         return None
     width, height = region.width / (shown[0] * space.zoom[0]), region.height / (shown[1] * space.zoom[1])
