@@ -60,11 +60,6 @@ def frame_words(run: BackgroundJob) -> str:
     return Words("Frame {frame} ({place} of {count})", frame=frame, place=frames.index(frame) + 1, count=len(frames))
 
 
-def stage_of(run: BackgroundJob) -> str:
-    """Return in words what a run is doing; of an animation with the time saved so far."""
-    return stage_and_saved(run_progress(run))
-
-
 def stage_and_saved(progress: RunProgress) -> str:
     """Return in words what a run is doing, of an animation with the time saved so far, from its progress."""
     return Words("{stage}, {saved}", stage=progress.stage, saved=progress.saved) if progress.saved else progress.stage

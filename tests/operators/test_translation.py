@@ -166,12 +166,17 @@ class AnimationUnderWay:
 
 
 def test_progress_is_translated(german):
-    from stereo_reproject_extension.operators.run_words import cancelled_words, progress_of, stage_of
+    from stereo_reproject_extension.operators.run_words import (
+        cancelled_words,
+        progress_of,
+        run_progress,
+        stage_and_saved,
+    )
     from stereo_reproject_extension.operators.text import reported, shown
 
     run = AnimationUnderWay()
     assert shown(progress_of(run)[1]) == "50 %, noch 42 s (Bild 13, 3/4)"
-    assert shown(stage_of(run)).endswith(", bisher 3 min 10 s gespart mit 2 Bildern")
+    assert shown(stage_and_saved(run_progress(run))).endswith(", bisher 3 min 10 s gespart mit 2 Bildern")
     how = reported("To go on with the others, switch off Overwrite in Output first")
     assert reported(cancelled_words(run)) == f"Abgebrochen: 2 Bilder bleiben. {how}"
     assert how.startswith("Dazu")

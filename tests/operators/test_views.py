@@ -115,7 +115,7 @@ def test_progress_tells_the_view(extension, four, monkeypatch):
 
     def note(self, event):
         told(self, event)
-        seen.append((run_words.frame_words(self), run_words.stage_of(self), self.far()[0]))
+        seen.append((run_words.frame_words(self), run_words.stage_alone(self), self.far()[0]))
 
     monkeypatch.setattr(views_job.ViewsJob, "_on_event", note)
     assert bpy.ops.render.stereo_reproject_views() == {"FINISHED"}
@@ -138,7 +138,7 @@ def test_the_texts_can_be_translated(extension, scene, monkeypatch):
     monkeypatch.setattr(text, "pgettext_iface", lambda message: table.get(message, message))
     run = SimpleNamespace(detail="view 12 of 48", stage="source", savings=(), stage_words=ViewsJob.stage_words)
     assert text.shown(run_words.frame_words(run)) == "Ansicht 12 von 48"
-    assert text.shown(run_words.stage_of(run)) == "Eine ganze Ansicht"
+    assert text.shown(run_words.stage_alone(run)) == "Eine ganze Ansicht"
     assert text.shown(views_panel.quilt_words(scene)) == "8 x 6 Ansichten"
 
 
