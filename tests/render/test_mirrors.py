@@ -197,17 +197,13 @@ def blurred(scene):
     scene.camera.data.dof.use_dof = True
 
 
-def seen_by_one_eye(scene):
-    scene.camera.data.stereo.interocular_distance = 0.0
-
-
 def small(scene):
     """The mirror takes a fiftieth of the picture: less than the passes about it cost."""
     mirror = next(item for item in scene.objects if item.type == "MESH" and item.material_slots[0].name == "mirror")
     mirror.scale = [0.3 * size for size in mirror.scale]
 
 
-@pytest.mark.parametrize("without", [rough, blurred, seen_by_one_eye, small])
+@pytest.mark.parametrize("without", [rough, blurred, small])
 def test_a_noisy_scene_without_an_image_to_be_found_is_rendered_with_no_pass_more(noisy, tmp_path, without):
     without(noisy)
     with working_scene(noisy, SceneOverrides()) as working:
