@@ -14,6 +14,8 @@ from tests.bench.stored_pairs import pair_of
 from tests.bench.stored_renders import RENDERS, StoredRenderers, StoredRenders
 from tests.blender.toolbox import mirror_before_wall
 
+pytestmark = pytest.mark.blender
+
 PLACE = 1
 
 
