@@ -56,8 +56,8 @@ class HoleTuning:
     which its detail is traced. By measurement on living-room, classroom and bathroom: docs/production.md."""
     denoised_detail_reach_pixels: tuple[int, int] = (2, 2)
     """Pixels, down and across, over which these differences are averaged. By measurement on bathroom at 960 x 540,
-    whose errors lie within three pixels of edges: over 3 x 3 pixels as many traced ones leave twice the error
-    (docs/production.md)."""
+    whose errors lie within three pixels of edges: over 3 x 3 pixels as many traced ones leave a third
+    more of the squared error (docs/production.md)."""
 
     # Thin things.
     thin_step_pixels: float = 0.1

@@ -43,7 +43,6 @@ from stereo_reproject.images.seen_light import display_scale, scaled_colour, sca
 from stereo_reproject.pipeline.warping import interpolations_of
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy, for_size
 from stereo_reproject.settings.frame import StereoSettings
-from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 from stereo_reproject.trace.requests import TraceRequest
 from stereo_reproject.views.view import Rig
@@ -52,13 +51,10 @@ from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.rendered_view import RenderedView
 from tests.bench.coverage import REFERENCE_SEED, SCENES, overrides, own_output, parse_scenes, scenes_parser
 from tests.bench.performance.plan import EYES
+from tests.bench.stored_renders import COST, RENDERS, SOURCE_SEED, looked_up
 from tests.bench.tuning import in_use
 
 SHIPPED = SETTINGS["balanced"]
-COST = SourceCost(seconds=60.0, sync_seconds=1.0)
-SOURCE_SEED = 1
-RENDERS = 4
-"""Of the target: two to trace from and two to judge by."""
 
 SOURCE = "source "
 TARGET = "target "
@@ -130,10 +126,8 @@ class StoredTracer:
     again: NDArray
 
     def trace(self, _method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-        return [{COLOUR_PASS: np.concatenate([self.once[one.pixels], *self._again(one)])} for one in requests]
-
-    def _again(self, request: TraceRequest) -> list[NDArray]:
-        return [] if request.twice is None else [self.again[request.twice]]
+        once, again = {COLOUR_PASS: self.once}, {COLOUR_PASS: self.again}
+        return [looked_up(request, once, again) for request in requests]
 
 
 @dataclass(frozen=True)

@@ -99,25 +99,20 @@ class StoredRenderers:
 
     def at(self, place: int) -> Any:
         """A renderer that places the probes by this number, which also says which two renders its traces come from."""
-        from stereo_reproject.blender.engines.renderer import BlenderRenderer
+        from stereo_reproject.blender.commands.price_list_renderers import RenderedSource, SharedSourceRenderer
 
-        source, (once, again, *_), remember = self._renders.source, self._shifted(place), self._remembering
+        once, again, *_ = self._shifted(place)
 
-        class StoredRenderer(BlenderRenderer):
-            def __init__(self, working: Any, folder: Path) -> None:
-                super().__init__(working, folder)
-                if self.denoise is not None:
-                    self.denoise = remember(self.denoise)
-
-            def render_source(self, view: str, *, probed: bool = True) -> tuple[Passes, SourceCost]:  # noqa: ARG002
-                # Copies: what a frame does to its source must not reach the next one.
-                return {name: image.copy() for name, image in source.items()}, COST
-
+        class StoredRenderer(SharedSourceRenderer):
             def trace(self, _method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-                return [_looked_up(request, once, again) for request in requests]
+                return [looked_up(request, once, again) for request in requests]
 
         self._working.cycles.seed = place
-        return StoredRenderer(self._working, self._folder)
+        source = RenderedSource(StereoSettings().source, self._renders.source, COST, COST.seconds)
+        renderer = StoredRenderer(self._working, self._folder, source)
+        if renderer.denoise is not None:
+            renderer.denoise = self._remembering(renderer.denoise)
+        return renderer
 
     def judges(self, place: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The colours (H, W, 4) of the two renders that no trace at this place comes from, denoised if the scene is."""
@@ -148,7 +143,7 @@ class StoredRenderers:
         return remembered
 
 
-def _looked_up(request: TraceRequest, once: Passes, again: Passes) -> Passes:
+def looked_up(request: TraceRequest, once: Passes, again: Passes) -> Passes:
     """The passes (N, C) of a request, looked up in two renders (H, W, C): twins come from the second one."""
     twins = [] if request.twice is None else [(again, request.twice)]
     parts = [{name: image[mask] for name, image in of.items()} for of, mask in [(once, request.pixels), *twins]]
