@@ -73,7 +73,19 @@ def register() -> None:
     """
     import bpy
 
-    from . import cone_view, depth_view, keys, looking, manual, panels, preset_menu, properties, slots, view_modes
+    from . import (
+        cone_view,
+        depth_view,
+        keys,
+        looking,
+        manual,
+        panels,
+        preset_menu,
+        properties,
+        redraw,
+        slots,
+        view_modes,
+    )
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -88,6 +100,7 @@ def register() -> None:
     slots.watch()
     view_modes.watch()
     looking.watch()
+    redraw.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -109,7 +122,19 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import cone_view, depth_view, keys, looking, manual, panels, preset_menu, screen_here, slots, view_modes
+    from . import (
+        cone_view,
+        depth_view,
+        keys,
+        looking,
+        manual,
+        panels,
+        preset_menu,
+        redraw,
+        screen_here,
+        slots,
+        view_modes,
+    )
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -121,6 +146,7 @@ def unregister() -> None:
     cone_view.remove_drawing()
     depth_view.remove_drawing()
     screen_here.put_away()
+    redraw.unwatch()
     looking.unwatch()
     view_modes.unwatch()
     slots.unwatch()

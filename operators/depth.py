@@ -15,8 +15,8 @@ from .results import KnownDepth, result_of
 from .stereo import EditsCamera, check_editable, check_screen, parallax_now, viewing_conditions
 from .text import reported, sentence, shown
 
-BEHIND_FOR_CUT = "{line}. Nothing is in front of the screen, because its edge would cut {name} there (Avoid Cuts)"
-"""Report of a fit that places all behind the screen."""
+BEHIND_FOR_CUT = "{line}. Avoid Cuts: in front of the screen its edge would cut {name}"
+"""Report of a fit that places all behind the screen, which must fit into the status bar."""
 
 MAX_INTEROCULAR = 100.0
 """Interocular distance, in scene units, up to which Blender's own setting goes."""

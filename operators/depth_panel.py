@@ -21,7 +21,7 @@ from .depth import (
     side_words,
 )
 from .drawing import ICON_PX, paragraph
-from .fitting import TEXT_MARGINS_PX, fits
+from .fitting import TEXT_MARGINS_PX, first_that_fits, fits
 from .results import KnownDepth, result_of
 from .screen_here import STEREO_REPROJECT_OT_set_screen_here, is_out
 from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
@@ -46,9 +46,9 @@ CUT = {
 """Message about what the frame cuts, by the sides of its edges."""
 
 UNNAMED_CUT = {
-    ("left",): "Something is in front of the screen and cut by its left edge.",
-    ("right",): "Something is in front of the screen and cut by its right edge.",
-    ("left", "right"): "Something is in front of the screen and cut by its left and right edges.",
+    ("left",): "Something is in front of the screen and cut by its left edge (Measure Depth names it).",
+    ("right",): "Something is in front of the screen and cut by its right edge (Measure Depth names it).",
+    ("left", "right"): "Something is in front of the screen and cut by both its edges (Measure Depth names it).",
 }
 """Message about what the frame cuts and has no name, as a pair shows it."""
 
@@ -65,6 +65,9 @@ LOWER_OR_MOVE = "Lower the interocular distance, or move the camera or the objec
 NEARER_OR_MOVE = "Set the convergence nearer, or move the camera or the object."
 """Advice that follows a warning. Only the interocular distance helps on both sides of the screen, and in a parallel
 camera."""
+
+SCREEN_HERE, SHOW_DEPTH = ("Set Screen Here", "Set Screen"), ("Show in 3D View", "Show in 3D", "Show")
+"""Texts of buttons: the usual one, and shorter ones for narrow panels."""
 
 FIT_SHARE = 0.43
 """Share of the row that Fit to Comfort has: the other button has an icon, and both must fit into a narrow panel."""
@@ -111,13 +114,14 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.use_property_split = False
     scene = context.scene
     known, found = result_of(scene).depth, parallax_now(scene)
-    limits = comfort_limits(viewing_conditions(scene))
     # Beside its icon, the text needs no margins of its own.
     fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX)
     row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
-    row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER", depress=is_out())
-    layout.prop(scene.stereo_reproject, "show_depth", toggle=True, icon="VIEW3D")
+    here = first_that_fits(context, SCREEN_HERE, 1.0, ICON_PX) if not fit_in_row else SCREEN_HERE[0]
+    row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, text=here, icon="EYEDROPPER", depress=is_out())
+    show = first_that_fits(context, SHOW_DEPTH, 1.0, ICON_PX)
+    layout.prop(scene.stereo_reproject, "show_depth", text=show, toggle=True, icon="VIEW3D")
     if scene.camera.data.type == "ORTHO":
         paragraph(layout, context, ALIKE, icon="ERROR")
         return
@@ -130,8 +134,7 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     result = result_of(scene)
     if result.fitted and result.fitted_to == distances_of(scene.camera.data):
         paragraph(layout, context, Words("Fitted. {line}.", line=result.fitted), icon="INFO")
-    for warning in warnings_on(scene, known, found, limits):
-        paragraph(layout, context, warning, icon="ERROR")
+    draw_warnings(layout, context)
     if known.edges is None and found[0][1].percent < -MIN_CUT_PERCENT:
         paragraph(layout, context, EDGES_UNKNOWN, icon="INFO")
     column = layout.column(align=True)
@@ -145,11 +148,23 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         column.operator(measure, icon="FILE_REFRESH")
     # As the lines below have it: what is less than half a pixel from the screen is at it.
     percents = [0.0 if abs(parallax.pixels) < 0.5 else parallax.percent for _, parallax in found]
-    _draw_bar(column, min(percents), max(percents), limits)
+    _draw_bar(column, min(percents), max(percents), comfort_limits(viewing_conditions(scene)))
     _draw_ends(column, context)
     for name, parallax in found:
         fields = {"side": side_words(parallax.percent), "pixels": f"{abs(parallax.pixels):.0f}"}
         paragraph(layout, context, Words("{end}: {side} ({pixels} px)", end=Words(name), **fields))
+
+
+def draw_warnings(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what is uncomfortable in the scene's depth on the screen, as far as that is known; a headset has no
+    screen.
+    """
+    scene = context.scene
+    known, found = result_of(scene).depth, parallax_now(scene)
+    if known is None or not found:
+        return
+    for warning in warnings_on(scene, known, found, comfort_limits(viewing_conditions(scene))):
+        paragraph(layout, context, warning, icon="ERROR")
 
 
 def _when(known: KnownDepth, scene: bpy.types.Scene) -> str:

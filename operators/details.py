@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.images.reasons import Reason
 from ..stereo_reproject.pipeline.next_accuracy import WHOLE
 from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
@@ -17,7 +16,6 @@ from ..stereo_reproject.words import Words
 from .drawing import draw_row, paragraph
 from .explained import ESTIMATED, MEASURED, TIME, TRACED, draw_heading
 from .results import result_of
-from .text import sentence, shown
 
 REASONS = {reason.label: reason.words for reason in Reason} | {"rerendered": "In all"}
 """Names, for artists, of the reasons why pixels of the second eye were rendered."""
@@ -61,13 +59,10 @@ class Details:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the figures of the last pair's quality, of its time, and of what was rendered again."""
-        result = result_of(context.scene)
-        report = result.report
+        report = result_of(context.scene).report
         assert report is not None
         size = " x ".join(map(str, report["size"]))
         paragraph(self.layout, context, made_by(report, size))
-        if NO_DENOISER in result.warnings:
-            paragraph(self.layout, context, Words("{sentence}.", sentence=sentence(shown(NO_DENOISER))))
         _draw_quality(self.layout, context, report)
         _draw_times(self.layout, context, report)
         _draw_traced(self.layout, report)

@@ -22,7 +22,7 @@ from ..stereo_reproject.report.verdict import (
 )
 from ..stereo_reproject.words import Words
 from . import second_blender
-from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
+from .fitting import TEXT_MARGINS_PX, first_that_fits, fits, room_for_text, text_width
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_shown, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
@@ -140,12 +140,12 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:
-        if warning == NO_DENOISER:
-            # It is said under Details.
-            continue
-        paragraph(box, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon="ERROR")
+        icon = "INFO" if warning == NO_DENOISER else "ERROR"
+        paragraph(box, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon=icon)
     if result.animation is not None:
-        layout.operator(RENDER_OT_stereo_reproject_view_animation.bl_idname, icon="PLAY")
+        play = RENDER_OT_stereo_reproject_view_animation
+        text = first_that_fits(context, (play.bl_label, "View Animation", "View"), 1.0, ICON_PX)
+        layout.operator(play.bl_idname, text=text, icon="PLAY")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import blf
@@ -46,6 +47,11 @@ def fits(context: bpy.types.Context, text: str, share: float, more_px: float = T
     """
     more = more_px * context.preferences.system.ui_scale
     return text_width(context, shown(text)) + more <= share * room_for_text(context)
+
+
+def first_that_fits(context: bpy.types.Context, texts: Sequence[str], share: float, more_px: float) -> str:
+    """Return the first of some texts that fits into a share of a row, or else the last; parameters as for `fits`."""
+    return next((text for text in texts if fits(context, text, share, more_px)), texts[-1])
 
 
 def draw_setting(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .depth_panel import draw_warnings
 from .details import Details
 from .drawing import draw_buttons, draw_outcome
 from .fitting import fits
@@ -26,6 +27,8 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
         draw_view_modes(self.layout, context)
         draw_outcome(self.layout, context)
         result = result_of(context.scene)
+        if result.delivery is not None and running() is None:
+            draw_warnings(self.layout, context)
         if result.report is not None and running() is None:
             self._draw_pictures(context, result)
 

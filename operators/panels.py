@@ -29,6 +29,7 @@ from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
+    preview_size_of,
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence
@@ -208,15 +209,18 @@ class _Check:
 
 
 class _Preview:
-    """Contents of the panel for the size and samples of a preview."""
+    """Contents of the panel for the size and samples of a preview, with its pixels."""
 
     bl_label = "Preview"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the settings of the preview's size and samples."""
-        layout, chosen = self.layout, context.scene.stereo_reproject
+        """Draw the settings of the preview's size and samples, and the pixels that it will have."""
+        layout, scene = self.layout, context.scene
+        chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
+        width, height = preview_size_of(scene)
+        paragraph(layout, context, Words("{width} x {height} pixels for each eye.", width=width, height=height))
         draw_setting(layout, context, chosen, "preview_samples")
 
 

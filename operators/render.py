@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -165,22 +166,23 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         if scene is not None:
             delivery = _delivery(report["last"] if shown else None)
             keep_animation(scene, run, delivery if shown else replace(delivery, content=None), new)
-        plays = Words("; {name} plays them", name=VIEWING) if scene is not None and needs_our_player(scene) else ""
+        by_ours = scene is not None and needs_our_player(scene)
+        plays = Words("; {name} plays the left eye's", name=VIEWING) if by_ours else ""
         return reported(_words_of_animation(report, len(frames), saved_by_animation(new), where, plays))
 
 
 def _words_of_animation(report: Mapping[str, Any], rendered: int, saved: float, where: str, plays: str) -> Words:
-    """Return a line about an animation: how many frames its run has rendered, the seconds that these have saved, and
-    how many were there already; where and plays are parts of it, or empty.
+    """Return a line about an animation: how many frames its run has rendered, the seconds that these have saved, how
+    many were there already, and the folder of all; where and plays are parts of it, or empty.
     """
     there = len(report["there_already"])
     message = "1 stereo frame rendered, {saved}" if rendered == 1 else "{count} stereo frames rendered, {saved}"
     before = "; 1 was there already" if there == 1 else "; {count} were there already"
     return Words(
-        "{rendered}{skipped}: {file}{where}{plays}",
+        "{rendered}{skipped}, in {folder}{where}{plays}",
         rendered=Words(message, count=rendered, saved=saved_words(saved)),
         skipped=Words(before, count=there) if there else "",
-        file=report["files"][-1],
+        folder=Path(report["files"][-1]).parent,
         where=where,
         plays=plays,
     )
@@ -236,8 +238,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine, panorama=panorama, size=own)
     if preview:
         denoise = True if _by_cycles(scene) and has_denoiser(scene) else None
-        region = frame_region(scene.render) if own is None else FrameRegion(*own, 0, 0, *own)
-        size = preview_size(region, chosen.preview_percentage, preferred("preview_pixels"))
+        size = preview_size_of(scene)
         overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(
         source=chosen.source,
@@ -250,6 +251,14 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
         compare=chosen.compare and not preview,
         scene=overrides,
     )
+
+
+def preview_size_of(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Return the width and height in pixels of the whole frame of the scene's preview, as it is set up now."""
+    panorama = asked_panorama(scene)
+    own = None if panorama is None else panorama_size(scene, panorama)
+    region = frame_region(scene.render) if own is None else FrameRegion(*own, 0, 0, *own)
+    return preview_size(region, scene.stereo_reproject.preview_percentage, preferred("preview_pixels"))
 
 
 def preview_size(region: FrameRegion, percentage: int, least_px: int) -> tuple[int, int]:

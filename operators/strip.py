@@ -9,7 +9,7 @@ from gpu_extras.batch import batch_for_shader
 FONT, SIZE_PX, MARGIN_PX = 0, 12.0, 8.0
 
 TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
-STRIP_COLOUR = (0.0, 0.0, 0.0, 0.6)
+STRIP_COLOUR = (0.0, 0.0, 0.0, 0.8)
 
 
 def text_width_px(text: str, scale: float) -> float:

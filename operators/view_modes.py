@@ -126,22 +126,23 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
         pair = pair_in(context)
         assert pair is not None
         if wiggling.is_wiggling(space):
-            wiggling.end(space)
-            space.image = pair
+            _end_wiggle(context.window, context.area)
             return {"FINISHED"}
+        before = mode_of(context)
         try:
             show(context, pair, WIGGLE)
         except (StereoReprojectError, OSError) as error:
             self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
-        self._number = wiggling.begin(context, pair)
+        self._number = wiggling.begin(context, pair, before)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Handle an event of the window: Esc ends it, in its time the other eye is shown, and all else goes on."""
-        if event.type == "ESC" and event.value == "PRESS" and wiggling.finish(self._number):
-            remove_unused(keep=wiggling.kinds_in_use())
+        window, area = wiggling.editor_of(self._number)
+        if event.type == "ESC" and event.value == "PRESS" and window is not None and area is not None:
+            _end_wiggle(window, area)
             return {"FINISHED"}
         if wiggling.step(self._number):
             return {"PASS_THROUGH"}
@@ -151,6 +152,29 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
     def cancel(self, _context: bpy.types.Context) -> None:
         """End it. Blender calls this when the window is closed, or another file is opened."""
         wiggling.forget(self._number)
+
+
+def _end_wiggle(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """End the wiggle of an Image Editor, and show the pair there as it was shown before; while a job runs, as the
+    Render Result, see `_show_again`.
+    """
+    space = area.spaces.active
+    pair, before = pair_shown_in(space), wiggling.mode_before(space)
+    wiggling.end(space)
+    space.image = pair
+    area.tag_redraw()
+    if pair is not None and before not in (None, ANAGLYPH, WIGGLE) and running() is None:
+        _show_there(window, area, pair, before)
+    remove_unused(keep=wiggling.kinds_in_use())
+
+
+def _show_there(window: bpy.types.Window, area: bpy.types.Area, pair: bpy.types.Image, mode: str) -> None:
+    """Show the pair in this image in an Image Editor, in one of `MODES`; where that fails, the console says why."""
+    with bpy.context.temp_override(window=window, area=area):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        try:
+            show(bpy.context, pair, mode)
+        except (StereoReprojectError, OSError) as error:
+            print(f"Stereo Reproject cannot show the pair again: {error}")
 
 
 def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
@@ -222,20 +246,19 @@ def _show_again(*_: Any) -> None:
         mode, name = _last_modes.get(space.as_pointer(), ("", ""))
         if not mode or space.image is not None:
             continue
-        with bpy.context.temp_override(window=window, area=area):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-            pair = bpy.data.images.get(name) or render_result() or _render_result_again()
-            try:
-                if pair is not None:
-                    show(bpy.context, pair, mode)
-            except (StereoReprojectError, OSError) as error:
-                print(f"Stereo Reproject cannot show the pair again: {error}")
+        pair = bpy.data.images.get(name) or render_result() or _render_result_again(window, area)
+        if pair is not None:
+            _show_there(window, area, pair, mode)
 
 
-def _render_result_again() -> bpy.types.Image | None:
+def _render_result_again(window: bpy.types.Window, area: bpy.types.Area) -> bpy.types.Image | None:
     """Have Blender make its Render Result again, which an undo to before the first render takes away although the
-    render itself stays. It is shown in an Image Editor that is empty.
+    render itself stays. It is shown in this Image Editor, which is empty.
     """
-    with changed(bpy.context.preferences.view, render_display_type="AREA"):
+    with (
+        bpy.context.temp_override(window=window, area=area),  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        changed(bpy.context.preferences.view, render_display_type="AREA"),
+    ):
         bpy.ops.render.view_show("INVOKE_DEFAULT")
     return render_result()
 

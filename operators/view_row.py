@@ -38,12 +38,13 @@ def draw_view_modes(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
 
 def draw_modes_elsewhere(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw, in a panel of another editor, a button for each way to look at the pair in an Image Editor, that of the
-    present one pressed.
+    present one pressed, and the export of a wiggle.
     """
-    _, grid = _begun(layout, context)
+    column, grid = _begun(layout, context)
     now = mode_elsewhere()
     for mode, (name, _) in MODES.items():
         grid.operator(STEREO_REPROJECT_OT_look.bl_idname, text=name, depress=now == mode).mode = mode
+    column.operator(STEREO_REPROJECT_OT_export_wiggle.bl_idname, text="Export Wiggle")
 
 
 def _begun(layout: bpy.types.UILayout, context: bpy.types.Context) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:

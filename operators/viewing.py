@@ -16,6 +16,13 @@ from .text import reported
 
 VIEWING = "View Stereo Animation (Ctrl Shift F11)"
 
+PLAYS_BOTH = "Play the stereo animation that was rendered to the scene's output path, both eyes in one picture"
+PLAYS_LEFT = (
+    "Play the left eye of the stereo animation that was rendered to the scene's output path: Blender's player shows"
+    " one file. For both eyes, set the layout to Stereo 3D and render"
+)
+"""Tooltips, by the layout of the files."""
+
 
 def needs_our_player(scene: bpy.types.Scene) -> bool:
     """Return whether Blender's own View Animation would not find the scene's stereo animation, but look for other
@@ -37,6 +44,12 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
 
     bl_idname = "render.stereo_reproject_view_animation"
     bl_label = "View Stereo Animation"
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, _properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip, which says which eyes are played."""
+        apart = context.scene.render.image_settings.views_format == "INDIVIDUAL"
+        return PLAYS_LEFT if apart else PLAYS_BOTH
 
     unless_plain: bpy.props.BoolProperty(
         name="Unless Plain",

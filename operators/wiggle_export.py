@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -20,6 +22,7 @@ from ..stereo_reproject.jobs.wiggle_movie import make_wiggle_movie
 from ..stereo_reproject.jobs.work_folder import is_full_disk_error, work_folder
 from ..stereo_reproject.jobs.worker_process import module_command
 from ..stereo_reproject.words import Words
+from .jobs import running
 from .pictures import image_editors
 from .preferences import temporary_folder
 from .results import result_of
@@ -153,7 +156,8 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         assert pair is not None
         try:
             check_wiggle_path(path)
-            _export(context.scene, pair, path, self.percentage, self.seconds)
+            with _said_to_be_saved(context, path):
+                _export(context.scene, pair, path, self.percentage, self.seconds)
         except OSError as error:
             reason = Words("the disk is full") if is_full_disk_error(error) else error.strerror or str(error)
             self.report({"ERROR"}, reported(Words("{path} cannot be written: {reason}", path=path, reason=reason)))
@@ -163,6 +167,27 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             return {"CANCELLED"}
         self.report({"INFO"}, reported(Words("Wiggle saved: {path}", path=path)))
         return {"FINISHED"}
+
+
+@contextmanager
+def _said_to_be_saved(context: bpy.types.Context, path: Path) -> Iterator[None]:
+    """Say in the status bar, and by the mouse cursor, that a file is being saved: Blender stands still meanwhile, of a
+    movie for some seconds.
+    """
+    window = context.window
+    # While a job runs, the status bar is the job's, and its thread bears no drawing by an operator.
+    if window is None or bpy.app.background or running() is not None:
+        yield
+        return
+    window.cursor_set("WAIT")
+    context.workspace.status_text_set(shown(Words("Saving {name}", name=path.name)))
+    # The File Browser would stay there until all is over.
+    bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
+    try:
+        yield
+    finally:
+        context.workspace.status_text_set(None)
+        window.cursor_set("DEFAULT")
 
 
 def usual_percentage(sides: tuple[int, int]) -> int:

@@ -28,13 +28,14 @@ KINDS = ("LEFT", "RIGHT")
 @dataclass
 class _Wiggle:
     """One Image Editor that alternates: its space, the pair's image by name, the Render Result's content at the start,
-    the timer that wakes it, when the next turn begins, and at which zoom and place both images are seen, None before
-    the second one is.
+    in which way it showed the pair before (None for no pair), the timer that wakes it, when the next turn begins, and
+    at which zoom and place both images are seen, None before the second one is.
     """
 
     space: int
     pair: str
     content: SlotContent | None
+    before: str | None
     timer: bpy.types.Timer
     next_turn: float
     seen_at: ZoomAndPlace | None = None
@@ -46,18 +47,34 @@ _wiggles: dict[int, _Wiggle] = {}
 _numbers = itertools.count(1)
 
 
-def begin(context: bpy.types.Context, pair: bpy.types.Image) -> int:
-    """Note that the Image Editor of the context begins to alternate, and return a number by which it is known."""
+def begin(context: bpy.types.Context, pair: bpy.types.Image, before: str | None) -> int:
+    """Note that the Image Editor of the context begins to alternate, and return a number by which it is known. before
+    is the way in which it showed the pair until now, None where it showed none.
+    """
     number = next(_numbers)
     timer = context.window_manager.event_timer_add(TIMER_SECONDS, window=context.window)
     next_turn = time.monotonic() + WIGGLE_SECONDS
-    _wiggles[number] = _Wiggle(context.space_data.as_pointer(), pair.name, content_now(), timer, next_turn)
+    space = context.space_data.as_pointer()
+    _wiggles[number] = _Wiggle(space, pair.name, content_now(), before, timer, next_turn)
     return number
 
 
 def is_wiggling(space: bpy.types.SpaceImageEditor) -> bool:
     """Return whether an Image Editor alternates."""
     return any(wiggle.space == space.as_pointer() for wiggle in _wiggles.values())
+
+
+def mode_before(space: bpy.types.SpaceImageEditor) -> str | None:
+    """Return the way in which an Image Editor that alternates showed the pair before; None where it showed none."""
+    return next((wiggle.before for wiggle in _wiggles.values() if wiggle.space == space.as_pointer()), None)
+
+
+def editor_of(number: int) -> tuple[bpy.types.Window | None, bpy.types.Area | None]:
+    """Return the window and the area of the Image Editor that alternates by this number; None for both if it has ended,
+    or is gone or hidden.
+    """
+    wiggle = _wiggles.get(number)
+    return (None, None) if wiggle is None else _editor_of(wiggle)
 
 
 def kinds_in_use() -> tuple[str, ...]:

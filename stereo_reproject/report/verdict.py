@@ -5,6 +5,7 @@ Everything here reads the dict that report.json or animation.json has. Nothing h
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -251,13 +252,13 @@ def full_render_gain(preview: Mapping[str, Any], size: tuple[int, int], samples:
 
 
 def predicted_words(gain: float) -> str:
-    """Return in words what a full render is predicted to gain. gain is how many times as fast as multiview it will
-    be."""
+    """Return in words what a full render is predicted to gain, in whole percents that are reached. gain is how many
+    times as fast as multiview it will be."""
     share = 1.0 - 1.0 / gain
     if share < LEAST_SAVED_SHARE:
         return Words("A full render is predicted to save little or no time over rendering both eyes")
     message = "A full render is predicted to take {share} % less time than rendering both eyes"
-    return Words(message, share=f"{100.0 * share:.0f}")
+    return Words(message, share=math.floor(100.0 * share))
 
 
 def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> str:

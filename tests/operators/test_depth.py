@@ -9,6 +9,7 @@ import pytest
 
 from stereo_reproject.blender.scene.depth import EDGE_ROWS
 from tests.blender.toolbox import add_camera, add_cube, add_plane, diffuse, empty_scene
+from tests.operators.test_operators import Drawn
 
 SIZE = (192, 108)
 NEAR, FAR = 4.0, 8.0
@@ -109,7 +110,7 @@ def test_a_fit_never_turns_the_eyes_apart(fit, scene):
 def test_a_fit_keeps_behind_the_screen_what_the_frame_would_cut(fit, scene, capfd):
     place_at_the_left_edge(scene)
     assert fit() == pytest.approx([0.0, 2.0], abs=PERCENT_TOLERANCE)
-    assert "because its edge would cut 'Post' there (Avoid Cuts)" in capfd.readouterr().out
+    assert ". Avoid Cuts: in front of the screen its edge would cut 'Post'" in capfd.readouterr().out
     assert fit(avoid_cuts=False) == pytest.approx([-1.0, 2.0], abs=PERCENT_TOLERANCE)
     assert "Avoid Cuts" not in capfd.readouterr().out
 
@@ -372,6 +373,32 @@ def test_what_the_frame_cuts_in_front_of_the_screen_is_named(extension, scene):
     assert any(text.startswith("'Post' is in front of the screen and cut by its left edge") for text in warnings(scene))
     scene.camera.data.stereo.convergence_distance = NEAR
     assert not any("cut by" in text for text in warnings(scene))
+
+
+@pytest.mark.parametrize("place", ["view", "image"])
+def test_the_panel_and_the_image_editor_warn_beside_the_verdict(extension, scene, place):
+    from stereo_reproject_extension.operators.image_panels import IMAGE_PT_stereo_reproject
+    from stereo_reproject_extension.operators.panels import _Camera
+    from stereo_reproject_extension.operators.results import Delivery, result_of
+
+    def said():
+        drawn = Drawn()
+        space = SimpleNamespace(type="IMAGE_EDITOR", image=None)
+        context = SimpleNamespace(
+            scene=scene, region=None, space_data=space, preferences=bpy.context.preferences, window=bpy.context.window
+        )
+        panel = _Camera if place == "view" else IMAGE_PT_stereo_reproject
+        panel.draw(SimpleNamespace(layout=drawn), context)
+        texts = [item[-1]["text"] for item in drawn.items if item[0] == "label"]
+        return "in front of the screen and cut by its left" in " ".join(texts)
+
+    place_at_the_left_edge(scene)
+    scene.camera.data.stereo.convergence_distance = 6.0
+    bpy.ops.stereo_reproject.measure_depth()
+    result_of(scene).delivery = Delivery(None, 1, "12:00")
+    assert said()
+    scene.camera.data.stereo.convergence_distance = NEAR
+    assert not said()
 
 
 def test_what_both_edges_cut_is_named_once(extension, scene):

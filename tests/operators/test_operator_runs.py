@@ -217,7 +217,10 @@ def test_an_animation_that_goes_on_says_of_which_frames_its_numbers_are(extensio
     )
     capfd.readouterr()
     assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
-    assert re.search(r"1 stereo frame rendered, [^;]*; 2 were there already: ", capfd.readouterr().out)
+    said = capfd.readouterr().out.replace("\n", " ")
+    assert re.search(
+        rf"1 stereo frame rendered, [^;]*; 2 were there already, in {re.escape(str(place / 'project' / 'shots'))}", said
+    )
     assert so_far[-1].endswith(" so far by 1 frame")
     of_run, of_all = (verdict.words for verdict in verdicts_on(animated, result)[-2:])
     assert of_run.startswith("1 frame rendered now, ")

@@ -176,6 +176,7 @@ def test_a_preview_predicts_the_full_render():
     ("gain", "words"),
     [
         (2.0, "A full render is predicted to take 50 % less time than rendering both eyes"),
+        (1.999, "A full render is predicted to take 49 % less time than rendering both eyes"),
         (1.02, "A full render is predicted to save little or no time over rendering both eyes"),
         (0.8, "A full render is predicted to save little or no time over rendering both eyes"),
     ],
