@@ -430,7 +430,7 @@ def test_a_pair_shows_what_the_frame_cuts_in_front_of_the_screen(extension, scen
     at_left = [hit.depth for hit in known.edges if hit.side == "left"]
     assert at_left == pytest.approx([NEAR] * EDGE_ROWS, rel=1e-3)
     (cut,) = (text for text in said if "cut by" in text)
-    assert cut.startswith("Something is in front of the screen and cut by its left edge. Set the convergence nearer")
+    assert cut.startswith("Something is in front of the screen and cut by its left edge (Measure Depth names it). Set the con")
 
 
 def test_an_animation_shows_the_depth_and_the_cuts_of_its_last_frame(extension, scene, tmp_path):

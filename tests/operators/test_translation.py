@@ -125,8 +125,8 @@ def test_one_and_many_have_messages_of_their_own(german, count, expected):
     from stereo_reproject_extension.operators.render import _words_of_animation
     from stereo_reproject_extension.operators.text import reported
 
-    report = {"there_already": [], "files": ["a.png"]}
-    assert reported(_words_of_animation(report, count, 190.0, "", "")) == f"{expected}: 3 min 10 s gespart: a.png"
+    report = {"there_already": [], "files": ["shots/a.png"]}
+    assert reported(_words_of_animation(report, count, 190.0, "", "")) == f"{expected}: 3 min 10 s gespart, in shots"
 
 
 def test_sides_of_the_screen_are_translated(german):
