@@ -60,6 +60,25 @@ def choose_vr180():
     yield from look_at_the_panel("vr180")
 
 
+def change_the_resolution():
+    """In another editor, with the mouse over the picture: the panel tells sizes in pixels."""
+    panels = importlib.import_module(f"{MODULE}.operators.panels")
+    draw, drawn = panels.draw_buttons, []
+
+    def note(layout):
+        drawn.append(bpy.context.area.type)
+        draw(layout)
+
+    panels.draw_buttons = note
+    yield 0.5
+    drawn.clear()
+    bpy.context.scene.render.resolution_x += 2
+    yield 1.0
+    facts["drawn anew"] = sorted({*drawn})
+    bpy.context.scene.render.resolution_x -= 2
+    panels.draw_buttons = draw
+
+
 def render_a_preview():
     """By the button in the panel."""
     bpy.context.preferences.view.render_display_type = "NONE"
@@ -101,6 +120,7 @@ run_steps(
         set_up,
         open_the_panel,
         choose_vr180,
+        change_the_resolution,
         render_a_preview,
         look_at_the_cutouts,
         turn_the_camera_into_a_panorama,

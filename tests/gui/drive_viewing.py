@@ -312,27 +312,6 @@ def turn_to_an_empty_slot():
     panels.draw_modes_elsewhere = draw
 
 
-def change_the_resolution():
-    """By another editor: the tab here tells sizes in pixels."""
-    image_panels = importlib.import_module(f"{MODULE}.operators.image_panels")
-    draw, drawn = image_panels.draw_buttons, []
-
-    def note(layout):
-        drawn.append(bpy.context.area.type)
-        draw(layout)
-
-    over_the_picture()
-    yield from redrawn()
-    image_panels.draw_buttons = note
-    yield 0.5
-    drawn.clear()
-    bpy.context.scene.render.resolution_x += 2
-    yield 0.5
-    facts["drawn anew"] = list(drawn)
-    bpy.context.scene.render.resolution_x -= 2
-    image_panels.draw_buttons = draw
-
-
 def render_again_side_by_side():
     """A preview, while both eyes are shown beside each other: they are the new pair's then."""
     yield from click("IMAGE_EDITOR", "UI", "show_view(mode='SIDE_BY_SIDE')")
@@ -440,7 +419,6 @@ STEPS = (
     fit_beside_the_sidebar,
     flip_to_multiview,
     turn_to_an_empty_slot,
-    change_the_resolution,
     render_again_side_by_side,
     wiggle_until_a_render,
     export,

@@ -22,6 +22,10 @@ def test_the_button_renders_what_the_panel_says(facts):
     assert facts["report"] == {"panorama": "vr180", "size": [128, 128]}
 
 
+def test_the_panel_follows_the_resolution_at_once(facts):
+    assert "VIEW_3D" in facts["drawn anew"]
+
+
 def test_camera_and_resolution_stay(facts):
     kind, rotation = facts["camera"]
     assert (kind, rotation) == ("PERSP", pytest.approx([1.5708, 0.0, 0.0], abs=1e-3))

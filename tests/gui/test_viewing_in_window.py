@@ -152,10 +152,6 @@ def test_a_panel_elsewhere_says_of_a_slot_what_the_tab_here_says(facts):
         assert drawn == [here, place]
 
 
-def test_a_panel_is_drawn_anew_when_the_resolution_changes(facts):
-    assert facts["drawn anew"] == ["IMAGE_EDITOR"]
-
-
 def test_a_wiggle_shows_both_eyes_at_the_same_zoom_and_place(facts):
     """Also where the right eye was never shown before, and after the user has zoomed and panned."""
     (first, *_), (moved, *_) = facts["eyes_at"]
