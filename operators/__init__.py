@@ -59,6 +59,7 @@ def _classes() -> tuple[type, ...]:
         preset_menu.STEREO_REPROJECT_PT_presets,
         view_modes.STEREO_REPROJECT_OT_show_view,
         view_modes.STEREO_REPROJECT_OT_wiggle,
+        view_modes.STEREO_REPROJECT_OT_hear_escape,
         looking.STEREO_REPROJECT_OT_look,
         wiggle_export.STEREO_REPROJECT_OT_export_wiggle,
         multiview.STEREO_REPROJECT_OT_show_side,

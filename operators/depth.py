@@ -131,8 +131,14 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
         data.stereo.interocular_distance = fit.interocular
         if data.stereo.convergence_mode == "OFFAXIS":
             data.stereo.convergence_distance = convergence_of_screen(data, fit.screen_depth)
-        length = length_words(scene, fit.interocular)
-        line = Words("Interocular {length}: {parallax}", length=length, parallax=parallax_line(scene))
+        set_to = {
+            "length": length_words(scene, fit.interocular),
+            "distance": length_words(scene, data.stereo.convergence_distance),
+        }
+        message = "Interocular {length}, convergence {distance}: {parallax}"
+        if data.stereo.convergence_mode == "PARALLEL":
+            message = "Interocular {length}: {parallax}"
+        line = Words(message, **set_to, parallax=parallax_line(scene))
         if cut is not None:
             line = Words(BEHIND_FOR_CUT, line=line, name=repr(cut))
         result = result_of(scene)

@@ -46,9 +46,9 @@ CUT = {
 """Message about what the frame cuts, by the sides of its edges."""
 
 UNNAMED_CUT = {
-    ("left",): "Something is in front of the screen and cut by its left edge (Measure Depth names it).",
-    ("right",): "Something is in front of the screen and cut by its right edge (Measure Depth names it).",
-    ("left", "right"): "Something is in front of the screen and cut by both its edges (Measure Depth names it).",
+    ("left",): "Something is in front of the screen and cut by its left edge.",
+    ("right",): "Something is in front of the screen and cut by its right edge.",
+    ("left", "right"): "Something is in front of the screen and cut by its left and right edges.",
 }
 """Message about what the frame cuts and has no name, as a pair shows it."""
 
@@ -56,7 +56,7 @@ FLAT = "The interocular distance is 0: both eyes see the same, without depth."
 
 ALIKE = "An orthographic camera shows all depths alike: the pair has no depth."
 
-EDGES_UNKNOWN = "Not known if the frame's edges cut what is in front of the screen: Measure Depth finds out."
+EDGES_UNKNOWN = "Not known if the frame's edges cut what is in front of the screen: the round arrow below finds out."
 
 LOWER = "Lower the interocular distance."
 LOWER_OR_FARTHER = "Lower the interocular distance, or set the convergence farther away."
@@ -72,9 +72,9 @@ SCREEN_HERE, SHOW_DEPTH = ("Set Screen Here", "Set Screen"), ("Show in 3D View",
 FIT_SHARE = 0.43
 """Share of the row that Fit to Comfort has: the other button has an icon, and both must fit into a narrow panel."""
 
-STUB_PERCENT = 0.15
-"""Length, in percent of the picture's width, of what stands at the bar's end for a scene beyond it: just wide enough to
-be seen in a narrow panel."""
+STUB_PERCENT = 0.5
+"""Length, in percent of the picture's width, of what stands at the bar's end for a scene beyond it, and of what is red
+there at least: wide enough to be seen in a narrow panel."""
 
 MIN_PIECE = 0.01
 """Share of half the bar below which a piece of it is too narrow to be drawn."""
@@ -93,15 +93,19 @@ class Piece:
 
 def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float) -> list[Piece]:
     """Return the pieces of the bar from `low` to `high`, in order, for a scene with parallax from near to far. All are
-    in percent of the width. A scene that is beyond the bar shows as a stub at its end.
+    in percent of the width. A scene that is beyond the bar shows as a stub at its end, and what is beyond a limit
+    that is the bar's end, or farther, as red there.
     """
-    shown_near, shown_far = min(near, BAR_PERCENT - STUB_PERCENT), max(far, STUB_PERCENT - BAR_PERCENT)
-    marks = sorted({low, high, *(m for m in (shown_near, shown_far, limits.near, limits.far) if low < m < high)})
+    end = BAR_PERCENT - STUB_PERCENT
+    shown_near, shown_far = min(near, end), max(far, -end)
+    red_below = max(limits.near, -end) if near < limits.near else limits.near
+    red_above = min(limits.far, end) if far > limits.far else limits.far
+    marks = sorted({low, high, *(m for m in (shown_near, shown_far, red_below, red_above) if low < m < high)})
     pieces: list[Piece] = []
     for start, end in itertools.pairwise(marks):
         middle, share = 0.5 * (start + end), (end - start) / (high - low)
         filled = shown_near <= middle <= shown_far
-        alert = filled and not limits.near <= min(max(middle, near), far) <= limits.far
+        alert = filled and not red_below <= min(max(middle, near), far) <= red_above
         if pieces and (pieces[-1].filled, pieces[-1].alert) == (filled, alert):
             share += pieces.pop().share
         if share >= MIN_PIECE:
@@ -159,12 +163,16 @@ def draw_warnings(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
     """Draw what is uncomfortable in the scene's depth on the screen, as far as that is known; a headset has no
     screen.
     """
-    scene = context.scene
+    for warning in depth_warnings(context.scene):
+        paragraph(layout, context, warning, icon="ERROR")
+
+
+def depth_warnings(scene: bpy.types.Scene) -> list[str]:
+    """Return sentences that say what of the scene's depth is uncomfortable; none where that is not known."""
     known, found = result_of(scene).depth, parallax_now(scene)
     if known is None or not found:
-        return
-    for warning in warnings_on(scene, known, found, comfort_limits(viewing_conditions(scene))):
-        paragraph(layout, context, warning, icon="ERROR")
+        return []
+    return warnings_on(scene, known, found, comfort_limits(viewing_conditions(scene)))
 
 
 def _when(known: KnownDepth, scene: bpy.types.Scene) -> str:

@@ -15,7 +15,7 @@ from ..stereo_reproject.report.verdict import accuracy_name, saved_seconds
 from ..stereo_reproject.words import Words
 from .drawing import draw_row, paragraph
 from .explained import ESTIMATED, MEASURED, TIME, TRACED, draw_heading
-from .results import result_of
+from .results import has_preview, result_of
 
 REASONS = {reason.label: reason.words for reason in Reason} | {"rerendered": "In all"}
 """Names, for artists, of the reasons why pixels of the second eye were rendered."""
@@ -134,7 +134,8 @@ def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: 
         draw_row(column, "Both eyes rendered", f"{compare['multiview_seconds']:.2f} s")
         draw_row(column, "Speed, measured", f"{compare['speedup']:.2f} x")
     else:
-        draw_row(column, "Speed, predicted", f"{report['predicted_speedup']:.2f} x")
+        of_what = "Speed of this preview" if has_preview(context.scene) else "Speed, predicted"
+        draw_row(column, of_what, f"{report['predicted_speedup']:.2f} x")
     draw_row(column, "Saved in all", f"{saved_seconds(report):.2f} s")
     paragraph(layout, context, fill_words(report["fill"]))
 

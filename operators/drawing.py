@@ -30,6 +30,7 @@ from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_repro
 from .results import Delivery, Result, result_of
 from .run import BackgroundJob
 from .slots import content_now
+from .stereo import is_set_anew
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
@@ -137,6 +138,13 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     paragraph(box, context, Words("{picture}:", picture=name))
     if not _is_shown(context, delivery):
         paragraph(box, context, "Another picture is shown now.", icon="INFO")
+    report = result.report
+    if (
+        report is not None
+        and report["frame"] == context.scene.frame_current
+        and is_set_anew(context.scene, report["stereo"])
+    ):
+        paragraph(box, context, "Interocular or convergence were changed since: render again to see it.", icon="INFO")
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:

@@ -17,7 +17,7 @@ from . import screen_here, slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
-from .run import BackgroundJob
+from .run import BackgroundJob, other_windows
 from .run_words import RunProgress, cancelled_words, run_progress, stage_and_saved
 from .text import reported, sentence, shown
 
@@ -135,10 +135,9 @@ class JobOperator:
         """
         if self.uses_render_result:
             under_way.open_editor(fit=self.fits_pictures(context.scene))
-        for window in context.window_manager.windows:
-            if window != context.window:
-                with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-                    bpy.ops.stereo_reproject.listen("INVOKE_DEFAULT")
+        for window in other_windows(context):
+            with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                bpy.ops.stereo_reproject.listen("INVOKE_DEFAULT")
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Handle a window event while the job runs: Esc cancels the job, the timer shows progress and takes the

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
@@ -9,11 +10,11 @@ import bpy
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
-from ..stereo_reproject.blender.scene.rig import check_camera
+from ..stereo_reproject.blender.scene.rig import check_camera, frame_region
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.report.verdict import duration
 from ..stereo_reproject.words import Words
-from .depth_panel import draw_depth
+from .depth_panel import depth_warnings, draw_depth
 from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .explained import EYES, draw_heading
@@ -39,6 +40,8 @@ from .viewing import RENDER_OT_stereo_reproject_view_animation
 from .views_panel import Views
 
 MAX_SHOWN_EFFECTS = 6
+
+DEPTH_WARNED = "The depth is not comfortable to look at: Stereo Camera, below, says why."
 
 HEADER_PX = 40.0
 """Pixels in a panel's header, at a scale of 1, for its triangle and its menu of presets; its grip is in the margins."""
@@ -69,9 +72,13 @@ class _Main:
         in_the_way = obstacle(scene)
         if in_the_way is not None:
             paragraph(layout, context, in_the_way, icon="ERROR")
-        if result_of(scene).delivery is not None and running() is None:
+        has_result = result_of(scene).delivery is not None
+        if has_result:
+            # Grey while a job runs, so that what is below stays where it is.
             draw_modes_elsewhere(layout, context)
         draw_outcome(layout, context)
+        if has_result and running() is None and depth_warnings(scene):
+            paragraph(layout, context, DEPTH_WARNED, icon="ERROR")
 
 
 def _header_has_room(context: bpy.types.Context, label: str) -> bool:
@@ -220,7 +227,12 @@ class _Preview:
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
         width, height = preview_size_of(scene)
-        paragraph(layout, context, Words("{width} x {height} pixels for each eye.", width=width, height=height))
+        full = frame_region(scene.render)
+        asked = chosen.preview_percentage * max(full.full_width, full.full_height) / 100.0
+        message = "{width} x {height} pixels for each eye"
+        if max(width, height) > math.ceil(asked) and not is_for_headset(scene):
+            message += ", as few as the preferences allow"
+        paragraph(layout, context, Words(f"{message}.", width=width, height=height))
         draw_setting(layout, context, chosen, "preview_samples")
 
 

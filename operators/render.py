@@ -17,7 +17,7 @@ from ..stereo_reproject.blender.output.animation_output import existing_as_set, 
 from ..stereo_reproject.blender.output.delivery import deliver_to_result, pixels_of
 from ..stereo_reproject.blender.output.stamp import with_render_time
 from ..stereo_reproject.blender.scene.denoiser import has_denoiser
-from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
+from ..stereo_reproject.blender.scene.depth import EDGE_ROWS, edge_hits
 from ..stereo_reproject.blender.scene.rendered import CYCLES, layers_to_render
 from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
 from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX
@@ -39,7 +39,7 @@ from ..stereo_reproject.sequence.record_store import RecordStore
 from ..stereo_reproject.sequence.report import totals
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
-from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair
+from ..stereo_reproject.views.depth_range import EdgeHit, hits_of_pair, named
 from ..stereo_reproject.views.parallax import visible_parallax
 from ..stereo_reproject.words import Words
 from . import under_way
@@ -120,7 +120,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         assert scene is not None
         assert run.report is not None
         delivery = _delivery(frame, preview=self.preview, compared=run.settings.compare)
-        keep_pair(scene, run, delivery, _edges_of(scene, eyes))
+        keep_pair(scene, run, delivery, _edges_of(scene, eyes, frame))
         return reported(Words("{result}{where}", result=summary(scene), where=where))
 
 
@@ -351,15 +351,20 @@ def _depth_of(scene: bpy.types.Scene, eyes: Eyes, source: str, frame: int) -> Kn
         return None
     left, right, width = cameras
     seen = visible_parallax(left, right, _nearest(eyes[source]), width)
-    return None if seen is None else KnownDepth(seen[0].depth, seen[1].depth, frame, _edges_of(scene, eyes))
+    return None if seen is None else KnownDepth(seen[0].depth, seen[1].depth, frame, _edges_of(scene, eyes, frame))
 
 
-def _edges_of(scene: bpy.types.Scene, eyes: Eyes) -> tuple[EdgeHit, ...] | None:
-    """Return what both eyes show at the frame's edges. None where a render region leaves the edges out."""
+def _edges_of(scene: bpy.types.Scene, eyes: Eyes, frame: int | None) -> tuple[EdgeHit, ...] | None:
+    """Return what both eyes show at the frame's edges, at this frame of the scene; with names where the scene stands at
+    that frame, for ray casts to find them. None where a render region leaves the edges out.
+    """
     region = frame_region(scene.render)
     if (region.left, region.width) != (0, region.full_width):
         return None
-    return hits_of_pair({eye: _nearest(layers) for eye, layers in eyes.items()}, EDGE_ROWS)
+    hits = hits_of_pair({eye: _nearest(layers) for eye, layers in eyes.items()}, EDGE_ROWS)
+    if scene != bpy.context.scene or frame != scene.frame_current or eyes_of(scene) is None:
+        return hits
+    return named(hits, edge_hits(scene, bpy.context.evaluated_depsgraph_get()))
 
 
 def _nearest(layers: Mapping[str, Mapping[str, NDArray]]) -> NDArray:

@@ -272,6 +272,15 @@ def job_has_thread() -> bool:
     return any(thread.name == THREAD_NAME for thread in threading.enumerate())
 
 
+def other_windows(context: bpy.types.Context) -> list[bpy.types.Window]:
+    """Return the windows, besides the context's, in which an operator can be started that listens there; none while a
+    job has its thread, see `job_has_thread`.
+    """
+    if job_has_thread():
+        return []
+    return [window for window in context.window_manager.windows if window != context.window]
+
+
 def _session_of(scene: bpy.types.Scene) -> Session:
     """Return what this Blender knows of a scene that is not in the copy of its file."""
     return Session(

@@ -16,6 +16,7 @@ from .cursor_text import hide_text, remove_text, show_at_mouse
 from .lengths import length_words
 from .redraw import redraw_panels
 from .results import result_of
+from .run import other_windows
 from .slots import content_now
 from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
 from .text import reported, sentence, shown
@@ -71,8 +72,12 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Take out the eyedropper and wait for a click."""
-        _out.append(self.bl_idname)
+        """Take out the eyedropper and wait for a click, in every window: the picture may have one of its own."""
+        if not is_out():
+            _out.append(self.bl_idname)
+            for window in other_windows(context):
+                with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                    bpy.ops.stereo_reproject.set_screen_here("INVOKE_DEFAULT")
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(shown(HELP))
         redraw_panels()
@@ -80,7 +85,9 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Show the depth under the mouse, and set it on a click."""
+        """Show the depth under the mouse, and set it on a click; end when it was put away in another window."""
+        if not is_out():
+            return {"CANCELLED", "PASS_THROUGH"}
         if event.type in {"ESC", "RIGHTMOUSE"}:
             put_away()
             return {"CANCELLED"}

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from typing import Any
+
 import bpy
 
 from ..stereo_reproject.blender.scene.rig import (
@@ -148,6 +152,19 @@ def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
         return []
     left, right, width = eyes
     return [(name, parallax_at(left, right, depth, width)) for name, depth in known.ends]
+
+
+def is_set_anew(scene: bpy.types.Scene, stereo: Mapping[str, Any]) -> bool:
+    """Return whether the camera's interocular or convergence distance is another than that of a pair; stereo is the
+    part of that name of the pair's report.
+    """
+    if eyes_of(scene) is None:
+        return False
+    now = scene.camera.data.stereo
+    return any(
+        stereo.get(name) is not None and not math.isclose(getattr(now, name), stereo[name], rel_tol=1e-5)
+        for name in ("interocular_distance", "convergence_distance")
+    )
 
 
 def is_comfortable(scene: bpy.types.Scene, parallax: ScreenParallax) -> bool:

@@ -13,6 +13,7 @@ from . import wiggling
 from .jobs import running
 from .pictures import fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
+from .run import other_windows
 from .text import reported, sentence, shown
 from .view_images import has_two_views, image_of, made_images, pair_shown_in, remove_all, remove_unused
 
@@ -135,14 +136,15 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
             self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         self._number = wiggling.begin(context, pair, before)
+        for window in other_windows(context):
+            with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                bpy.ops.stereo_reproject.hear_escape("INVOKE_DEFAULT", number=self._number)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Handle an event of the window: Esc ends it, in its time the other eye is shown, and all else goes on."""
-        window, area = wiggling.editor_of(self._number)
-        if event.type == "ESC" and event.value == "PRESS" and window is not None and area is not None:
-            _end_wiggle(window, area)
+        if _ends_wiggle(event, self._number):
             return {"FINISHED"}
         if wiggling.step(self._number):
             return {"PASS_THROUGH"}
@@ -152,6 +154,37 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
     def cancel(self, _context: bpy.types.Context) -> None:
         """End it. Blender calls this when the window is closed, or another file is opened."""
         wiggling.forget(self._number)
+
+
+class STEREO_REPROJECT_OT_hear_escape(bpy.types.Operator):
+    """Have Esc end a wiggle in another window too: the picture may have a window of its own"""
+
+    bl_idname = "stereo_reproject.hear_escape"
+    bl_label = "Listen for Esc of a Wiggle"
+    bl_options = {"INTERNAL"}
+
+    number: bpy.props.IntProperty(name="Number", description="Number by which the wiggle is known")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Begin to receive the events of this window."""
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """End the wiggle on Esc, and pass other events on; end when it is over."""
+        if _ends_wiggle(event, self.number):
+            return {"FINISHED"}
+        window, _ = wiggling.editor_of(self.number)
+        return {"FINISHED", "PASS_THROUGH"} if window is None else {"PASS_THROUGH"}
+
+
+def _ends_wiggle(event: bpy.types.Event, number: int) -> bool:
+    """End the wiggle of this number if an event is Esc, and return whether it did."""
+    window, area = wiggling.editor_of(number)
+    if event.type != "ESC" or event.value != "PRESS" or window is None or area is None:
+        return False
+    _end_wiggle(window, area)
+    return True
 
 
 def _end_wiggle(window: bpy.types.Window, area: bpy.types.Area) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -202,13 +203,17 @@ _suggested: set[str] = set()
 
 def suggested_path(last: str, stem: str, suffix: str) -> str:
     """Return the path that the File Browser begins with. last is the one of the export before, "" at the first, whose
-    name stays where the user has typed it; stem is the name that fits the pair, with its folder, without ending.
+    name stays where the user has typed it; stem is the name that fits the pair, with its folder, without ending. A
+    number follows it where a file has that name: it may be of another pair.
     """
     path = Path(last)
     if last and path.stem not in _suggested:
         return last
-    _suggested.add(Path(stem).name)
-    return f"{path.with_name(Path(stem).name) if last else stem}{suffix}"
+    begun = str(path.with_name(Path(stem).name)) if last else stem
+    names = itertools.chain([begun], (f"{begun}_{number}" for number in itertools.count(2)))
+    free = next(name for name in names if not Path(f"{name}{suffix}").exists())
+    _suggested.add(Path(free).name)
+    return f"{free}{suffix}"
 
 
 def _stem_of(context: bpy.types.Context) -> str:

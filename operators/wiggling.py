@@ -146,10 +146,11 @@ def _show_instead(wiggle: _Wiggle, window: bpy.types.Window, area: bpy.types.Are
     zoomed and panned since the turn before.
     """
     now = drawn_at(area)
-    if wiggle.seen_at is None or not now.is_near(wiggle.seen_at, tuple(other.size)):
+    if now is not None and (wiggle.seen_at is None or not now.is_near(wiggle.seen_at, tuple(other.size))):
         wiggle.seen_at = now
     area.spaces.active.image = other
-    put_at(window, area, wiggle.seen_at)
+    if wiggle.seen_at is not None:
+        put_at(window, area, wiggle.seen_at)
     area.tag_redraw()
 
 

@@ -6,6 +6,7 @@ The place is not in Blender's Python: it follows from what was drawn last.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import bpy
@@ -36,13 +37,13 @@ class ZoomAndPlace(NamedTuple):
         return max(self.zoom * max(moved), wider) < SAME_PX
 
 
-def drawn_at(area: bpy.types.Area) -> ZoomAndPlace:
-    """Return zoom and place of the picture in an Image Editor as it was drawn last."""
+def drawn_at(area: bpy.types.Area) -> ZoomAndPlace | None:
+    """Return zoom and place of the picture in an Image Editor as it was drawn last; None where it never was."""
     region = _region_of(area)
     # Blender counts from the middle of the first pixel to that of the last one.
     middle = 0.5 * (region.width - 1), 0.5 * (region.height - 1)
     x, y = region.view2d.region_to_view(*middle)  # pyright: ignore[reportGeneralTypeIssues] - the stubs' arrays are none
-    return ZoomAndPlace(area.spaces.active.zoom_percentage / 100.0, x, y)
+    return None if math.isnan(x + y) else ZoomAndPlace(area.spaces.active.zoom_percentage / 100.0, x, y)
 
 
 def picture_size(area: bpy.types.Area) -> tuple[int, int] | None:
@@ -57,7 +58,8 @@ def picture_size(area: bpy.types.Area) -> tuple[int, int] | None:
     left, low = region.view2d.region_to_view(0, 0)  # pyright: ignore[reportGeneralTypeIssues] - as above
     right, high = region.view2d.region_to_view(region.width - 1, region.height - 1)  # pyright: ignore[reportGeneralTypeIssues] - as above
     shown = right - left, high - low
-    if min(*shown, *space.zoom) <= 0.0:  # pyright: ignore[reportArgumentType, reportGeneralTypeIssues] - as above
+    # Of an editor that was never drawn they are no numbers.
+    if not all(length > 0.0 for length in (*shown, *space.zoom)):  # pyright: ignore[reportGeneralTypeIssues] - as above
         return None
     width, height = region.width / (shown[0] * space.zoom[0]), region.height / (shown[1] * space.zoom[1])
     return round(width), round(height)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ the floor, viewers take no notice."""
 MIN_CUT_PERCENT = 0.2
 """Parallax in front of the screen, in percent of the width, from which a cut is noticed: 4 pixels of 1920."""
 
+
+SAME_DEPTH_SHARE = 0.02
+"""Difference of two depths, as a share of them, up to which they are taken for those of the same thing: as much as a
+slanted surface goes on within half of a ray's distance from the next."""
 
 FAR_EYE = {"left": "right", "right": "left"}
 """The eye that loses more of a thing in front of the screen at each edge of the frame: that of the other side."""
@@ -73,6 +77,20 @@ def hits_of_pair(depths: Mapping[str, NDArray], rows: int) -> tuple[EdgeHit, ...
         places = ((np.arange(rows) + 0.5) * column.size / rows).astype(int)
         found += [EdgeHit(side, "", float(depth)) for depth in column[places] if depth > 0.0 and np.isfinite(depth)]
     return tuple(found)
+
+
+def named(hits: Iterable[EdgeHit], seen: Iterable[EdgeHit]) -> tuple[EdgeHit, ...]:
+    """Return hits without names with the names of things that were seen at the same edge in as much as the same depth;
+    without one where nothing was.
+    """
+    seen = tuple(seen)
+
+    def name_of(hit: EdgeHit) -> str:
+        there = [other for other in seen if other.side == hit.side]
+        nearest = min(there, key=lambda other: abs(other.depth - hit.depth), default=hit)
+        return nearest.name if abs(nearest.depth - hit.depth) <= SAME_DEPTH_SHARE * hit.depth else ""
+
+    return tuple(replace(hit, name=name_of(hit)) for hit in hits)
 
 
 def typical_range(depth: NDArray) -> tuple[float, float] | None:

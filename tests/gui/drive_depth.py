@@ -174,6 +174,29 @@ def set_the_screen_with_the_eyedropper():
     facts["pick undone"] = settings()
 
 
+def use_the_eyedropper_in_another_window():
+    """The picture may have a window of its own."""
+    screen_here = importlib.import_module(f"{MODULE}.operators.screen_here")
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.window_new()
+    yield 1.0
+    other = bpy.context.window_manager.windows[-1]
+    area = next(area for area in other.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    middle = {"x": region.x + region.width // 2, "y": region.y + region.height // 2}
+    for name, key in (("put away", "ESC"), ("picked", "LEFTMOUSE")):
+        yield from push("eyedropper")
+        other.event_simulate(type="MOUSEMOVE", value="NOTHING", **middle)
+        yield 0.5
+        for value in ("PRESS", "RELEASE"):
+            other.event_simulate(type=key, value=value, **middle)
+        yield 0.5
+        facts[f"{name} elsewhere"] = [screen_here.is_out(), settings()]
+    with bpy.context.temp_override(window=other):
+        bpy.ops.wm.window_close()
+    yield from undo()
+
+
 def seen_far_away(camera):
     """The place that the 3D View shows where the scene's camera looks at its farthest, and its depth from there."""
     view = area_of("VIEW_3D").spaces.active.region_3d
@@ -220,6 +243,7 @@ STEPS = (
     show_the_planes,
     drag_the_arrow,
     set_the_screen_with_the_eyedropper,
+    use_the_eyedropper_in_another_window,
     in_the_properties_too,
     uncomfortable,
     switch_off,

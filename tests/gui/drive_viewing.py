@@ -369,6 +369,37 @@ def export():
     facts["file_windows"] = len(others)
 
 
+def look_where_no_editor_is():
+    """From a panel elsewhere: an editor opens in a window of its own, and Esc in this window ends a wiggle in that."""
+    area, before = area_of("IMAGE_EDITOR"), bpy.context.preferences.view.render_display_type
+    area.type = "VIEW_3D"
+    bpy.context.preferences.view.render_display_type = "WINDOW"
+    yield 0.5
+    facts["opened"] = {}
+    for mode in ("SIDE_BY_SIDE", "WIGGLE"):
+        properties = area_of("PROPERTIES")
+        region = next(region for region in properties.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window(), area=properties, region=region):
+            bpy.ops.stereo_reproject.look(mode=mode)
+        yield 1.0
+        facts["opened"][mode] = importlib.import_module(f"{MODULE}.operators.looking").mode_elsewhere()
+    others = [other for other in bpy.context.window_manager.windows if other != window()]
+    facts["opened"]["windows"] = len(others)
+    region = region_of("VIEW_3D", "WINDOW")
+    go(region.x + region.width // 2, region.y + region.height // 2)
+    yield 0.3
+    press("ESC")
+    yield 1.0
+    facts["opened"]["after Esc"] = importlib.import_module(f"{MODULE}.operators.looking").mode_elsewhere()
+    for other in others:
+        with bpy.context.temp_override(window=other):
+            bpy.ops.wm.window_close()
+    yield 0.5
+    bpy.context.preferences.view.render_display_type = before
+    area_of("VIEW_3D").type = "IMAGE_EDITOR"
+    yield from redrawn()
+
+
 def close_a_window_that_wiggles():
     yield from click("IMAGE_EDITOR", "UI", "show_view(mode='ANAGLYPH')")
     with bpy.context.temp_override(window=window()):
@@ -422,6 +453,7 @@ STEPS = (
     render_again_side_by_side,
     wiggle_until_a_render,
     export,
+    look_where_no_editor_is,
     close_a_window_that_wiggles,
     undo,
     look_where_it_is_narrow,

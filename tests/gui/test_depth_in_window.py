@@ -49,6 +49,13 @@ def test_the_eyedropper_puts_the_screen_at_what_is_clicked(facts):
     assert facts["pick undone"] == pytest.approx(facts["drag undone"])
 
 
+def test_the_eyedropper_is_out_in_every_window(facts):
+    assert facts["put away elsewhere"] == [False, pytest.approx(facts["pick undone"])]
+    is_out, picked = facts["picked elsewhere"]
+    assert not is_out
+    assert picked[1] != pytest.approx(facts["pick undone"][1], rel=0.01)
+
+
 def test_the_planes_go_with_the_extension(facts):
     assert facts["gone"]
 

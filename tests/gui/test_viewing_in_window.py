@@ -230,6 +230,11 @@ def test_the_export_leaves_the_libraries_of_extensions(facts):
     assert facts["libraries"], "a Blender that has read the factory settings has removed them"
 
 
+def test_a_look_from_elsewhere_opens_an_editor_and_esc_here_ends_its_wiggle(facts):
+    wanted = {"SIDE_BY_SIDE": "SIDE_BY_SIDE", "WIGGLE": "WIGGLE", "windows": 1, "after Esc": "SIDE_BY_SIDE"}
+    assert facts["opened"] == wanted
+
+
 def test_a_window_that_wiggles_can_be_closed(facts):
     assert facts["in_a_window"]
     assert facts["after_closing"] == 0

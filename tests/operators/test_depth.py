@@ -375,29 +375,40 @@ def test_what_the_frame_cuts_in_front_of_the_screen_is_named(extension, scene):
     assert not any("cut by" in text for text in warnings(scene))
 
 
-@pytest.mark.parametrize("place", ["view", "image"])
-def test_the_panel_and_the_image_editor_warn_beside_the_verdict(extension, scene, place):
+def texts_of(panel, scene, space=None):
+    """All texts that a panel draws, in one line; space is the editor's, none outside an Image Editor."""
+    drawn = Drawn()
+    context = SimpleNamespace(
+        scene=scene, region=None, space_data=space, preferences=bpy.context.preferences, window=bpy.context.window
+    )
+    panel.draw(SimpleNamespace(layout=drawn), context)
+    return " ".join(item[-1]["text"] for item in drawn.items if item[0] == "label")
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("camera", "in front of the screen and cut by its left"),
+        ("image", "in front of the screen and cut by its left"),
+        ("main", "Stereo Camera, below, says why"),
+    ],
+)
+def test_the_panel_and_the_image_editor_warn_beside_the_verdict(extension, scene, place, words):
+    from stereo_reproject_extension.operators import panels
     from stereo_reproject_extension.operators.image_panels import IMAGE_PT_stereo_reproject
-    from stereo_reproject_extension.operators.panels import _Camera
     from stereo_reproject_extension.operators.results import Delivery, result_of
 
     def said():
-        drawn = Drawn()
-        space = SimpleNamespace(type="IMAGE_EDITOR", image=None)
-        context = SimpleNamespace(
-            scene=scene, region=None, space_data=space, preferences=bpy.context.preferences, window=bpy.context.window
-        )
-        panel = _Camera if place == "view" else IMAGE_PT_stereo_reproject
-        panel.draw(SimpleNamespace(layout=drawn), context)
-        texts = [item[-1]["text"] for item in drawn.items if item[0] == "label"]
-        return "in front of the screen and cut by its left" in " ".join(texts)
+        if place == "image":
+            return words in texts_of(IMAGE_PT_stereo_reproject, scene, SimpleNamespace(type="IMAGE_EDITOR", image=None))
+        return words in texts_of(panels._Camera if place == "camera" else panels._Main, scene)
 
     place_at_the_left_edge(scene)
     scene.camera.data.stereo.convergence_distance = 6.0
     bpy.ops.stereo_reproject.measure_depth()
     result_of(scene).delivery = Delivery(None, 1, "12:00")
     assert said()
-    scene.camera.data.stereo.convergence_distance = NEAR
+    scene.camera.data.stereo.interocular_distance = 0.001
     assert not said()
 
 
@@ -430,7 +441,20 @@ def test_a_pair_shows_what_the_frame_cuts_in_front_of_the_screen(extension, scen
     at_left = [hit.depth for hit in known.edges if hit.side == "left"]
     assert at_left == pytest.approx([NEAR] * EDGE_ROWS, rel=1e-3)
     (cut,) = (text for text in said if "cut by" in text)
-    assert cut.startswith("Something is in front of the screen and cut by its left edge (Measure Depth names it). Set the con")
+    assert cut.startswith("'Post' is in front of the screen and cut by its left edge. Set the convergence nearer")
+
+
+def test_a_verdict_says_that_the_camera_was_set_anew(extension, scene):
+    from stereo_reproject_extension.operators.panels import _Main
+
+    render_preview(scene)
+    stereo, words = scene.camera.data.stereo, "were changed since: render again"
+    for name in ("interocular_distance", "convergence_distance"):
+        before = getattr(stereo, name)
+        assert words not in texts_of(_Main, scene)
+        setattr(stereo, name, 1.01 * before)
+        assert words in texts_of(_Main, scene)
+        setattr(stereo, name, before)
 
 
 def test_an_animation_shows_the_depth_and_the_cuts_of_its_last_frame(extension, scene, tmp_path):
@@ -525,6 +549,10 @@ def test_the_bar_is_red_where_it_is_not_comfortable(extension):
     assert [(piece.share, piece.filled, piece.alert) for piece in pieces] == [(0.5, True, True), (0.5, True, False)]
     beyond = bar_pieces(6.0, 7.0, Limits(-3.0, 3.0), 0.0, 3.0)
     assert [(piece.filled, piece.alert) for piece in beyond] == [(False, False), (True, True)]
+    # Where the bar ends with what is comfortable, its end is red all the same.
+    red = [piece.share for piece in bar_pieces(-4.4, 2.0, Limits(-3.0, 3.0), -3.0, 0.0) if piece.alert]
+    assert red == [pytest.approx(0.5 / 3.0)]
+    assert not any(piece.alert for piece in bar_pieces(-2.9, 2.0, Limits(-3.0, 3.0), -3.0, 0.0))
     assert not any(piece.filled for piece in bar_pieces(6.0, 7.0, Limits(-3.0, 3.0), -3.0, 0.0))
 
 

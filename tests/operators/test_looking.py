@@ -229,12 +229,17 @@ def test_of_an_animation_s_frame_the_export_knows_size_and_number(extension, sce
     assert _stem_of(bpy.context) == str(tmp_path / "film")
 
 
-def test_a_name_that_was_typed_stays_and_a_suggested_one_follows_the_frame(extension):
+def test_a_name_that_was_typed_stays_and_a_suggested_one_follows_the_frame(extension, tmp_path):
     from stereo_reproject_extension.operators.wiggle_export import suggested_path
 
     assert suggested_path("", "/a/film_0012", ".gif") == "/a/film_0012.gif"
     assert suggested_path("/b/film_0012.mp4", "/a/film_0020", ".gif") == str(Path("/b/film_0020.gif"))
     assert suggested_path("/b/mine.gif", "/a/film_0021", ".gif") == "/b/mine.gif"
+    (tmp_path / "film.gif").touch()
+    assert suggested_path("", str(tmp_path / "film"), ".gif") == str(tmp_path / "film_2.gif")
+    (tmp_path / "film_2.gif").touch()
+    again = suggested_path(str(tmp_path / "film_2.gif"), str(tmp_path / "film"), ".gif")
+    assert again == str(tmp_path / "film_3.gif")
 
 
 def test_the_button_of_the_picture_that_is_shown_is_pressed(pair):

@@ -201,6 +201,24 @@ def test_the_buttons_come_first_and_prose_does_not_stand_there(extension, scene)
     assert [item for item in drawn.items if item[0] == "label"] == []
 
 
+@pytest.mark.parametrize(
+    ("percentage", "said"),
+    [(100, "96 x 54 pixels for each eye."), (25, "{} x 54 pixels for each eye, as few as the preferences allow.")],
+)
+def test_the_preview_s_panel_tells_its_pixels(extension, scene, percentage, said):
+    from types import SimpleNamespace
+
+    from stereo_reproject_extension.operators import panels
+
+    scene.stereo_reproject.preview_percentage = percentage
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 96, 54, 100
+    drawn = Drawn()
+    context = SimpleNamespace(scene=scene, region=None, preferences=bpy.context.preferences)
+    panels._Preview.draw(SimpleNamespace(layout=drawn), context)
+    texts = [item[-1]["text"] for item in drawn.items if item[0] == "label"]
+    assert said.format(96) in " ".join(texts)
+
+
 def test_what_is_seldom_set_is_in_closed_panels(extension):
     closed = {"details", "engine", "layout", "preview", "advanced"}
     for prefix in ("RENDER", "VIEW3D"):

@@ -12,6 +12,7 @@ from stereo_reproject.views.depth_range import (
     frame_corners,
     grid_positions,
     hits_of_pair,
+    named,
     typical_range,
 )
 from tests.warp.analytic import camera, pose
@@ -69,6 +70,13 @@ def test_a_pair_s_edges_are_those_of_the_eye_that_loses_more():
     assert [hit.depth for hit in hits if hit.side == "left"] == [3.0] * 10
     assert [hit.depth for hit in hits if hit.side == "right"] == [4.0] * 5
     assert {hit.name for hit in hits} == {""}
+
+
+def test_what_has_no_name_gets_that_of_what_was_seen_there():
+    seen = hits("Door", 2, depth=3.0) + hits("Lamp", 1, depth=3.2, side="right")
+    unnamed = hits("", 1, depth=3.03) + hits("", 1, depth=3.2) + hits("", 1, depth=3.2, side="right")
+    assert [hit.name for hit in named(unnamed, seen)] == ["Door", "", "Lamp"]
+    assert named(unnamed, ()) == tuple(unnamed)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan])

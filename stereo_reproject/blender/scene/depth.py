@@ -54,13 +54,20 @@ def measure_depth(
     found = typical_range(depth)
     if found is None:
         raise BadInputError("the camera sees nothing whose depth can be measured: point it at the scene")
-    edges = [
+    return found, edge_hits(scene, depsgraph)
+
+
+def edge_hits(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[EdgeHit, ...]:
+    """Return what the scene's camera sees at the frame's edges now; parameters and limits as for `measure_depth`."""
+    camera = scene.camera.evaluated_get(depsgraph)
+    eyes, frame = stereo_cameras(camera, scene.render), frame_pixels(frame_region(scene.render))
+    clip = camera.data.clip_start, camera.data.clip_end
+    return tuple(
         EdgeHit(side, name, hit_depth)
         for side, eye in FAR_EYE.items()
         for hit_depth, name in cast_rays(scene, depsgraph, eyes[eye], edge_positions(frame, side, EDGE_ROWS), clip)
         if np.isfinite(hit_depth)
-    ]
-    return found, tuple(edges)
+    )
 
 
 def cast_rays(
