@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar
 
 import bpy
@@ -22,6 +23,9 @@ from .run_words import RunProgress, cancelled_words, run_progress, stage_and_sav
 from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
+
+CANCELLED_SECONDS = 30.0
+"""Time for which the panels say that a job was cancelled that leaves nothing behind."""
 
 DOUBLE_CLICKS = 1.5
 """Blender's times for a double click after the start of a job in which a click does not cancel it."""
@@ -225,7 +229,11 @@ class JobOperator:
             taken = True
         except StereoReprojectError as error:
             if run.cancelled:
-                self._end_without_result({"INFO"}, reported(cancelled_words(run)), _scene_of(run))
+                words = reported(cancelled_words(run))
+                self._end_without_result({"INFO"}, words, _scene_of(run))
+                if run.animation is None:
+                    # It says nothing that anyone needs to know for longer.
+                    bpy.app.timers.register(partial(_forget_words, run.uid, words), first_interval=CANCELLED_SECONDS)
             else:
                 words = sentence(reported(error)) + reported(_words_of_kept(run))
                 self._end_without_result({"ERROR"}, words, _scene_of(run))
@@ -257,6 +265,16 @@ class JobOperator:
             line = shown(Words("{text}   |   Esc: Cancel", text=text))
             _show(line)
             under_way.say(line, short)
+
+
+def _forget_words(uid: int, words: str) -> None:
+    """Have the panels of the scene with this session id no longer say why its last job ended, if these are the
+    words.
+    """
+    scene = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+    if scene is not None and result_of(scene).ended == words:
+        result_of(scene).ended = ""
+        redraw_panels()
 
 
 def _words_of_kept(run: BackgroundJob) -> str:

@@ -125,7 +125,7 @@ class _Layout:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw Blender's own settings for how the two views are stored in files."""
         layout, settings = self.layout, context.scene.render.image_settings
-        draw_setting(layout, context, settings, "views_format", text="Layout")
+        draw_setting(layout, context, settings, "views_format")
         if settings.views_format == "STEREO_3D":
             draw_setting(layout, context, settings.stereo_3d_format, "display_mode", text="Stereo Mode")
 

@@ -19,7 +19,7 @@ VIEWING = "View Stereo Animation (Ctrl Shift F11)"
 PLAYS_BOTH = "Play the stereo animation that was rendered to the scene's output path, both eyes in one picture"
 PLAYS_LEFT = (
     "Play the left eye of the stereo animation that was rendered to the scene's output path: Blender's player shows"
-    " one file. For both eyes, set the layout to Stereo 3D and render"
+    " one file. For both eyes, set Views Format to Stereo 3D and render"
 )
 """Tooltips, by the layout of the files."""
 

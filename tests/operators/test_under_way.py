@@ -96,10 +96,24 @@ def test_a_run_without_a_window_leaves_no_pictures(extension, scene, place, monk
     assert not [event for event in events if event["event"] == "picture"]
 
 
-def test_a_cancelled_run_says_that_nothing_was_changed(extension, scene, place, monkeypatch, capfd):
+def test_a_cancelled_run_says_for_a_while_that_nothing_was_changed(extension, scene, place, monkeypatch, capfd):
+    from stereo_reproject_extension.operators import jobs
+    from stereo_reproject_extension.operators.results import result_of
+
+    later = []
+    monkeypatch.setattr(bpy.app.timers, "register", lambda function, first_interval: later.append(function))
     cancel_at(monkeypatch, lambda event: event.get("stage") == "source")
     assert bpy.ops.render.stereo_reproject_image() == {"CANCELLED"}
     assert "Cancelled: nothing was changed" in capfd.readouterr().out
+    (forget,) = (function for function in later if getattr(function, "func", None) is jobs._forget_words)
+    result, words = result_of(scene), result_of(scene).ended
+    assert words.startswith("Cancelled")
+    result.ended = "Something else since"
+    forget()
+    assert result.ended == "Something else since"
+    result.ended = words
+    forget()
+    assert result.ended == ""
 
 
 def test_a_cancelled_animation_says_how_many_frames_stay(extension, scene, place, monkeypatch, capfd):
