@@ -15,7 +15,7 @@ from .results import KnownDepth, result_of
 from .stereo import EditsCamera, check_editable, check_screen, parallax_now, viewing_conditions
 from .text import reported, sentence, shown
 
-BEHIND_FOR_CUT = "{line}. Avoid Cuts: in front of the screen its edge would cut {name}"
+BEHIND_FOR_CUT = "{line}; all is behind the screen, whose edge would cut {name} (Avoid Cuts)"
 """Report of a fit that places all behind the screen, which must fit into the status bar."""
 
 MAX_INTEROCULAR = 100.0

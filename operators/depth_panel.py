@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
-from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
+from ..stereo_reproject.views.comfort import Limits, comfort_limits
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from ..stereo_reproject.views.parallax import ScreenParallax
 from ..stereo_reproject.words import Words
@@ -24,7 +24,7 @@ from .drawing import ICON_PX, paragraph
 from .fitting import TEXT_MARGINS_PX, first_that_fits, fits
 from .results import KnownDepth, result_of
 from .screen_here import STEREO_REPROJECT_OT_set_screen_here, is_out
-from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
+from .stereo import depth_of_cuts, is_comfortable, parallax_now, viewing_conditions
 from .text import shown
 
 BAR_PERCENT = 3.0
@@ -96,10 +96,10 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
     in percent of the width. A scene that is beyond the bar shows as a stub at its end, and what is beyond a limit
     that is the bar's end, or farther, as red there.
     """
-    end = BAR_PERCENT - STUB_PERCENT
-    shown_near, shown_far = min(near, end), max(far, -end)
-    red_below = max(limits.near, -end) if near < limits.near else limits.near
-    red_above = min(limits.far, end) if far > limits.far else limits.far
+    stub = BAR_PERCENT - STUB_PERCENT
+    shown_near, shown_far = min(near, stub), max(far, -stub)
+    red_below = max(limits.near, -stub) if near < limits.near else limits.near
+    red_above = min(limits.far, stub) if far > limits.far else limits.far
     marks = sorted({low, high, *(m for m in (shown_near, shown_far, red_below, red_above) if low < m < high)})
     pieces: list[Piece] = []
     for start, end in itertools.pairwise(marks):
@@ -122,7 +122,7 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX)
     row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
-    here = first_that_fits(context, SCREEN_HERE, 1.0, ICON_PX) if not fit_in_row else SCREEN_HERE[0]
+    here = first_that_fits(context, SCREEN_HERE, 1.0, ICON_PX)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, text=here, icon="EYEDROPPER", depress=is_out())
     show = first_that_fits(context, SHOW_DEPTH, 1.0, ICON_PX)
     layout.prop(scene.stereo_reproject, "show_depth", text=show, toggle=True, icon="VIEW3D")
@@ -168,9 +168,11 @@ def draw_warnings(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 
 
 def depth_warnings(scene: bpy.types.Scene) -> list[str]:
-    """Return sentences that say what of the scene's depth is uncomfortable; none where that is not known."""
+    """Return sentences that say what of the scene's depth is uncomfortable; none where that is not known, or where an
+    orthographic camera shows none.
+    """
     known, found = result_of(scene).depth, parallax_now(scene)
-    if known is None or not found:
+    if known is None or not found or scene.camera.data.type == "ORTHO":
         return []
     return warnings_on(scene, known, found, comfort_limits(viewing_conditions(scene)))
 
@@ -239,12 +241,8 @@ def warnings_on(
 
 def _cuts(scene: bpy.types.Scene, known: KnownDepth) -> list[Words]:
     """Return sentences that name what stands in front of the screen and is cut by the frame's left or right edge."""
-    eyes = eyes_of(scene)
-    if eyes is None or not known.edges:
-        return []
-    left, right, frame_width = eyes
-    depth = depth_at_parallax(left, right, -MIN_CUT_PERCENT, frame_width)
-    if depth is None:
+    depth = depth_of_cuts(scene)
+    if depth is None or not known.edges:
         return []
     sides: dict[str, list[str]] = {}
     for name, side in cut_in_front(known.edges, depth, EDGE_ROWS):

@@ -144,7 +144,7 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         and report["frame"] == context.scene.frame_current
         and is_set_anew(context.scene, report["stereo"])
     ):
-        paragraph(box, context, "Interocular or convergence were changed since: render again to see it.", icon="INFO")
+        paragraph(box, context, "The camera's stereo settings were changed since: render again to see it.", icon="INFO")
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:

@@ -39,6 +39,9 @@ _timers: list[bpy.types.Timer] = []
 _shown_progress: list[RunProgress] = []
 """Progress of the job that is under way, as the window was told it last; none before that."""
 
+_forgetting: list[Callable[[], None]] = []
+"""What is to be called when words about a cancelled job have stood long enough."""
+
 _said: set[str] = set()
 """Warnings that need to be reported once, as nothing can be done about them in this Blender, and were."""
 
@@ -231,9 +234,9 @@ class JobOperator:
             if run.cancelled:
                 words = reported(cancelled_words(run))
                 self._end_without_result({"INFO"}, words, _scene_of(run))
-                if run.animation is None:
+                if run.animation is None or not (run.frames_finished or run.animation.there_already()):
                     # It says nothing that anyone needs to know for longer.
-                    bpy.app.timers.register(partial(_forget_words, run.uid, words), first_interval=CANCELLED_SECONDS)
+                    _forget_later(run.uid, words)
             else:
                 words = sentence(reported(error)) + reported(_words_of_kept(run))
                 self._end_without_result({"ERROR"}, words, _scene_of(run))
@@ -265,6 +268,16 @@ class JobOperator:
             line = shown(Words("{text}   |   Esc: Cancel", text=text))
             _show(line)
             under_way.say(line, short)
+
+
+def _forget_later(uid: int, words: str) -> None:
+    """Have `_forget_words` called after a while, and no more for what was said before."""
+    while _forgetting:
+        earlier = _forgetting.pop()
+        if bpy.app.timers.is_registered(earlier):
+            bpy.app.timers.unregister(earlier)
+    _forgetting.append(partial(_forget_words, uid, words))
+    bpy.app.timers.register(_forgetting[-1], first_interval=CANCELLED_SECONDS)
 
 
 def _forget_words(uid: int, words: str) -> None:
@@ -334,6 +347,9 @@ class STEREO_REPROJECT_OT_listen(bpy.types.Operator):
         run = running()
         if run is None:
             return {"FINISHED", "PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS" and screen_here.is_out():
+            screen_here.put_away()
+            return {"RUNNING_MODAL"}
         if ends_job(event):
             run.cancel()
             return {"RUNNING_MODAL"}

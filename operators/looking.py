@@ -11,6 +11,8 @@ from .slots import content_now
 from .text import reported, shown
 from .view_modes import MODES, NO_PAIR, WIGGLE, mode_in, pair_in
 
+IS_RUNNING = "A stereo job is running: its pictures are shown in the Image Editor"
+
 
 class STEREO_REPROJECT_OT_look(bpy.types.Operator):
     """Look at the stereo pair in the Image Editor that shows it; where none does, one opens"""
@@ -30,7 +32,7 @@ class STEREO_REPROJECT_OT_look(bpy.types.Operator):
         """Return whether there is a pair and no job that is about to replace it: beside a job's thread no operator may
         run under another context, see `zoom_to_fit` in `pictures`.
         """
-        cls.poll_message_set(shown(NO_PAIR))
+        cls.poll_message_set(shown(NO_PAIR if running() is None else IS_RUNNING))
         return running() is None and context.window is not None and pair_in(context) is not None
 
     def execute(self, _context: bpy.types.Context) -> set[str]:

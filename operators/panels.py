@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import bpy
@@ -10,7 +9,7 @@ import bpy
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
-from ..stereo_reproject.blender.scene.rig import check_camera, frame_region
+from ..stereo_reproject.blender.scene.rig import check_camera
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.report.verdict import duration
 from ..stereo_reproject.words import Words
@@ -222,16 +221,14 @@ class _Preview:
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the settings of the preview's size and samples, and the pixels that it will have."""
+        """Draw the settings of the preview's size and samples, and the pixels that the whole frame will have."""
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
-        width, height = preview_size_of(scene)
-        full = frame_region(scene.render)
-        asked = chosen.preview_percentage * max(full.full_width, full.full_height) / 100.0
+        (width, height), is_least = preview_size_of(scene)
         message = "{width} x {height} pixels for each eye"
-        if max(width, height) > math.ceil(asked) and not is_for_headset(scene):
-            message += ", as few as the preferences allow"
+        if is_least:
+            message += ", the least that the preferences allow"
         paragraph(layout, context, Words(f"{message}.", width=width, height=height))
         draw_setting(layout, context, chosen, "preview_samples")
 

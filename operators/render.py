@@ -61,7 +61,7 @@ from .results import (
 )
 from .run import BackgroundJob, Pictures, seconds_of
 from .slots import content_now, leave_multiview, multiview_now, unused_slot
-from .stereo import eyes_of
+from .stereo import depth_of_cuts, eyes_of
 from .text import reported
 from .view_images import show_delivered
 from .viewing import VIEWING, needs_our_player
@@ -167,7 +167,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
             delivery = _delivery(report["last"] if shown else None)
             keep_animation(scene, run, delivery if shown else replace(delivery, content=None), new)
         by_ours = scene is not None and needs_our_player(scene)
-        plays = Words("; {name} plays the left eye's", name=VIEWING) if by_ours else ""
+        plays = Words("; {name} plays the left eye", name=VIEWING) if by_ours else ""
         return reported(_words_of_animation(report, len(frames), saved_by_animation(new), where, plays))
 
 
@@ -238,7 +238,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine, panorama=panorama, size=own)
     if preview:
         denoise = True if _by_cycles(scene) and has_denoiser(scene) else None
-        size = preview_size_of(scene)
+        size, _ = preview_size_of(scene)
         overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(
         source=chosen.source,
@@ -253,12 +253,16 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     )
 
 
-def preview_size_of(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Return the width and height in pixels of the whole frame of the scene's preview, as it is set up now."""
+def preview_size_of(scene: bpy.types.Scene) -> tuple[tuple[int, int], bool]:
+    """Return the width and height in pixels of the whole frame of the scene's preview, as it is set up now, and whether
+    they are more than was asked for, as the preferences have it.
+    """
     panorama = asked_panorama(scene)
     own = None if panorama is None else panorama_size(scene, panorama)
     region = frame_region(scene.render) if own is None else FrameRegion(*own, 0, 0, *own)
-    return preview_size(region, scene.stereo_reproject.preview_percentage, preferred("preview_pixels"))
+    percentage = scene.stereo_reproject.preview_percentage
+    size = preview_size(region, percentage, preferred("preview_pixels"))
+    return size, size != preview_size(region, percentage, 0)
 
 
 def preview_size(region: FrameRegion, percentage: int, least_px: int) -> tuple[int, int]:
@@ -355,14 +359,16 @@ def _depth_of(scene: bpy.types.Scene, eyes: Eyes, source: str, frame: int) -> Kn
 
 
 def _edges_of(scene: bpy.types.Scene, eyes: Eyes, frame: int | None) -> tuple[EdgeHit, ...] | None:
-    """Return what both eyes show at the frame's edges, at this frame of the scene; with names where the scene stands at
-    that frame, for ray casts to find them. None where a render region leaves the edges out.
+    """Return what both eyes show at the frame's edges, at this frame of the scene; None where a render region leaves
+    the edges out. Where something is in front of the screen and the scene stands at that frame, ray casts find names.
     """
     region = frame_region(scene.render)
     if (region.left, region.width) != (0, region.full_width):
         return None
     hits = hits_of_pair({eye: _nearest(layers) for eye, layers in eyes.items()}, EDGE_ROWS)
-    if scene != bpy.context.scene or frame != scene.frame_current or eyes_of(scene) is None:
+    depth = depth_of_cuts(scene)
+    is_cut = depth is not None and any(hit.depth < depth for hit in hits)
+    if not is_cut or scene != bpy.context.scene or frame != scene.frame_current:
         return hits
     return named(hits, edge_hits(scene, bpy.context.evaluated_depsgraph_get()))
 

@@ -63,8 +63,8 @@ class Delivery:
 class KnownDepth:
     """Nearest and farthest depth that the scene's camera saw at a frame, in scene units; +inf is the sky.
 
-    edges is what was seen at the frame's edges, None where nobody looked there; that of a pair has no names. seen_from
-    is the camera's state at a measurement, and empty where a pair or a check found the depths.
+    edges is what was seen at the frame's edges, None where nobody looked there; that of a pair may have no names.
+    seen_from is the camera's state at a measurement, and empty where a pair or a check found the depths.
     """
 
     near: float

@@ -45,7 +45,9 @@ def put_away() -> None:
     remove_text()
     for window in bpy.context.window_manager.windows:
         window.cursor_modal_restore()
-        window.workspace.status_text_set(None)
+        # The text belongs to the workspace of the context, whichever it is asked of.
+        with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+            window.workspace.status_text_set(None)
     redraw_panels()
 
 
@@ -72,10 +74,14 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Take out the eyedropper and wait for a click, in every window: the picture may have one of its own."""
+        """Take out the eyedropper and wait for a click, in every window of the scene: the picture may have one of its
+        own.
+        """
         if not is_out():
             _out.append(self.bl_idname)
             for window in other_windows(context):
+                if window.scene != context.scene:
+                    continue
                 with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
                     bpy.ops.stereo_reproject.set_screen_here("INVOKE_DEFAULT")
         context.window.cursor_modal_set("EYEDROPPER")

@@ -16,7 +16,8 @@ from ..stereo_reproject.blender.scene.rig import (
 )
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.camera import Camera
-from ..stereo_reproject.views.comfort import Viewing
+from ..stereo_reproject.views.comfort import Viewing, depth_at_parallax
+from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT
 from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
 from ..stereo_reproject.words import Words
 from .headset import is_for_headset
@@ -154,17 +155,28 @@ def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
     return [(name, parallax_at(left, right, depth, width)) for name, depth in known.ends]
 
 
+def depth_of_cuts(scene: bpy.types.Scene) -> float | None:
+    """Return the depth, in scene units, up to which viewers notice that the frame's edge cuts a thing in front of the
+    screen; None where the scene has no camera for stereo, or no depth is that near.
+    """
+    eyes = eyes_of(scene)
+    if eyes is None:
+        return None
+    left, right, width = eyes
+    return depth_at_parallax(left, right, -MIN_CUT_PERCENT, width)
+
+
 def is_set_anew(scene: bpy.types.Scene, stereo: Mapping[str, Any]) -> bool:
-    """Return whether the camera's interocular or convergence distance is another than that of a pair; stereo is the
-    part of that name of the pair's report.
+    """Return whether the stereo settings of the camera are others than those of a pair; stereo is the part of that name
+    of the pair's report. A parallel camera's convergence distance has no effect.
     """
     if eyes_of(scene) is None:
         return False
     now = scene.camera.data.stereo
-    return any(
-        stereo.get(name) is not None and not math.isclose(getattr(now, name), stereo[name], rel_tol=1e-5)
-        for name in ("interocular_distance", "convergence_distance")
-    )
+    if (now.convergence_mode, now.pivot) != (stereo["convergence_mode"], stereo["pivot"]):
+        return True
+    names = ["interocular_distance"] + ["convergence_distance"] * (now.convergence_mode != "PARALLEL")
+    return any(not math.isclose(getattr(now, name), stereo[name], rel_tol=1e-5) for name in names)
 
 
 def is_comfortable(scene: bpy.types.Scene, parallax: ScreenParallax) -> bool:

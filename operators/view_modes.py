@@ -16,6 +16,7 @@ from .results import result_of
 from .run import other_windows
 from .text import reported, sentence, shown
 from .view_images import has_two_views, image_of, made_images, pair_shown_in, remove_all, remove_unused
+from .zoom_and_place import drawn_at, put_at
 
 ANAGLYPH, WIGGLE = "ANAGLYPH", "WIGGLE"
 
@@ -188,16 +189,26 @@ def _ends_wiggle(event: bpy.types.Event, number: int) -> bool:
 
 
 def _end_wiggle(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """End the wiggle of an Image Editor, and show the pair there as it was shown before; while a job runs, as the
-    Render Result, see `_show_again`.
+    """End the wiggle of an Image Editor, and show the pair there as it was shown before, a single eye at the zoom and
+    place of the wiggle; while a job runs, both beside each other as the Render Result, see `_show_again`.
     """
     space = area.spaces.active
     pair, before = pair_shown_in(space), wiggling.mode_before(space)
     wiggling.end(space)
-    space.image = pair
+    eye = image_of(pair, before) if pair is not None and before in wiggling.KINDS else None
+    _last_modes.pop(space.as_pointer(), None)
+    if pair is not None and before is not None and eye is not None:
+        # It has alternated with the other, and is seen where both were.
+        at = drawn_at(area)
+        space.image = eye
+        if at is not None:
+            put_at(window, area, at)
+        _last_modes[space.as_pointer()] = (before, pair.name)
+    else:
+        space.image = pair
+        if pair is not None and before is not None and running() is None:
+            _show_there(window, area, pair, before)
     area.tag_redraw()
-    if pair is not None and before not in (None, ANAGLYPH, WIGGLE) and running() is None:
-        _show_there(window, area, pair, before)
     remove_unused(keep=wiggling.kinds_in_use())
 
 

@@ -180,11 +180,11 @@ def _said_to_be_saved(context: bpy.types.Context, path: Path) -> Iterator[None]:
     if window is None or bpy.app.background or running() is not None:
         yield
         return
-    window.cursor_set("WAIT")
-    context.workspace.status_text_set(shown(Words("Saving {name}", name=path.name)))
-    # The File Browser would stay there until all is over.
-    bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
     try:
+        window.cursor_set("WAIT")
+        context.workspace.status_text_set(shown(Words("Saving {name}", name=path.name)))
+        # The File Browser would stay there until all is over.
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
         yield
     finally:
         context.workspace.status_text_set(None)

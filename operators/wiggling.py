@@ -101,17 +101,11 @@ def forget_all() -> None:
         forget(number)
 
 
-def finish(number: int) -> bool:
-    """End a wiggle and show the pair itself. Return False if it had ended before."""
-    wiggle = _wiggles.get(number)
-    if wiggle is None:
-        return False
-    _, area = _editor_of(wiggle)
+def _finish(number: int, area: bpy.types.Area) -> None:
+    """End a wiggle in this Image Editor, and show the pair itself."""
     forget(number)
-    if area is not None and kind_of(area.spaces.active.image) is not None:
-        area.spaces.active.image = pair_shown_in(area.spaces.active)
-        area.tag_redraw()
-    return True
+    area.spaces.active.image = pair_shown_in(area.spaces.active)
+    area.tag_redraw()
 
 
 def step(number: int) -> bool:
@@ -129,13 +123,13 @@ def step(number: int) -> bool:
         forget(number)
         return False
     if wiggle.content != content_now():
-        finish(number)
+        _finish(number, area)
         return False
     if time.monotonic() >= wiggle.next_turn:
         wiggle.next_turn = time.monotonic() + WIGGLE_SECONDS
         other = image_of(pair, KINDS[1 - KINDS.index(kind)])
         if other is None:
-            finish(number)
+            _finish(number, area)
             return False
         _show_instead(wiggle, window, area, other)
     return True

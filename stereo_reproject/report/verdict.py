@@ -252,7 +252,7 @@ def full_render_gain(preview: Mapping[str, Any], size: tuple[int, int], samples:
 
 
 def predicted_words(gain: float) -> str:
-    """Return in words what a full render is predicted to gain, in whole percents that are reached. gain is how many
+    """Return in words what a full render is predicted to gain, in whole percents, rounded down. gain is how many
     times as fast as multiview it will be."""
     share = 1.0 - 1.0 / gain
     if share < LEAST_SAVED_SHARE:

@@ -23,10 +23,8 @@ the floor, viewers take no notice."""
 MIN_CUT_PERCENT = 0.2
 """Parallax in front of the screen, in percent of the width, from which a cut is noticed: 4 pixels of 1920."""
 
-
 SAME_DEPTH_SHARE = 0.02
-"""Difference of two depths, as a share of them, up to which they are taken for those of the same thing: as much as a
-slanted surface goes on within half of a ray's distance from the next."""
+"""Difference of two depths, as a share of them, up to which they are taken for those of the same thing."""
 
 FAR_EYE = {"left": "right", "right": "left"}
 """The eye that loses more of a thing in front of the screen at each edge of the frame: that of the other side."""
@@ -80,8 +78,8 @@ def hits_of_pair(depths: Mapping[str, NDArray], rows: int) -> tuple[EdgeHit, ...
 
 
 def named(hits: Iterable[EdgeHit], seen: Iterable[EdgeHit]) -> tuple[EdgeHit, ...]:
-    """Return hits without names with the names of things that were seen at the same edge in as much as the same depth;
-    without one where nothing was.
+    """Return the hits with names: for each the name of the thing in `seen` at the same edge whose depth is nearest to
+    its own, within SAME_DEPTH_SHARE; "" where there is none.
     """
     seen = tuple(seen)
 
@@ -106,9 +104,14 @@ def typical_range(depth: NDArray) -> tuple[float, float] | None:
 
 def cut_in_front(hits: Iterable[EdgeHit], depth: float, rows: int) -> list[tuple[str, str]]:
     """Return names and sides of what is nearer than `depth` on at least CUT_SHARE of an edge, the largest first. rows
-    is the number of places at which each edge was looked at.
+    is the number of places at which each edge was looked at. What has no name counts as a part of the largest thing at
+    its edge that has one.
     """
     seen = Counter((hit.name, hit.side) for hit in hits if hit.depth < depth)
+    for side in FAR_EYE:
+        with_name = [key for key in seen if key[0] and key[1] == side]
+        if with_name:
+            seen[max(with_name, key=lambda key: seen[key])] += seen.pop(("", side), 0)
     return [key for key, count in seen.most_common() if count >= CUT_SHARE * rows]
 
 

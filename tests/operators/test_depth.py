@@ -110,7 +110,7 @@ def test_a_fit_never_turns_the_eyes_apart(fit, scene):
 def test_a_fit_keeps_behind_the_screen_what_the_frame_would_cut(fit, scene, capfd):
     place_at_the_left_edge(scene)
     assert fit() == pytest.approx([0.0, 2.0], abs=PERCENT_TOLERANCE)
-    assert ". Avoid Cuts: in front of the screen its edge would cut 'Post'" in capfd.readouterr().out
+    assert "; all is behind the screen, whose edge would cut 'Post' (Avoid Cuts)" in capfd.readouterr().out
     assert fit(avoid_cuts=False) == pytest.approx([-1.0, 2.0], abs=PERCENT_TOLERANCE)
     assert "Avoid Cuts" not in capfd.readouterr().out
 
@@ -455,6 +455,21 @@ def test_a_verdict_says_that_the_camera_was_set_anew(extension, scene):
         setattr(stereo, name, 1.01 * before)
         assert words in texts_of(_Main, scene)
         setattr(stereo, name, before)
+    before = stereo.pivot
+    stereo.pivot = "CENTER" if before != "CENTER" else "RIGHT"
+    assert words in texts_of(_Main, scene)
+    stereo.pivot, stereo.convergence_mode = before, "PARALLEL"
+    render_preview(scene)
+    stereo.convergence_distance *= 2.0
+    assert words not in texts_of(_Main, scene)
+
+
+def test_an_orthographic_camera_is_not_warned_of_depth(extension, scene):
+    from stereo_reproject_extension.operators.depth_panel import depth_warnings
+
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 1.0
+    bpy.ops.stereo_reproject.measure_depth()
+    assert depth_warnings(scene) == []
 
 
 def test_an_animation_shows_the_depth_and_the_cuts_of_its_last_frame(extension, scene, tmp_path):

@@ -203,7 +203,7 @@ def test_the_buttons_come_first_and_prose_does_not_stand_there(extension, scene)
 
 @pytest.mark.parametrize(
     ("percentage", "said"),
-    [(100, "96 x 54 pixels for each eye."), (25, "{} x 54 pixels for each eye, as few as the preferences allow.")],
+    [(100, "96 x 54 pixels for each eye."), (25, "{} x 54 pixels for each eye, the least that the preferences allow.")],
 )
 def test_the_preview_s_panel_tells_its_pixels(extension, scene, percentage, said):
     from types import SimpleNamespace

@@ -101,7 +101,7 @@ def test_a_cancelled_run_says_for_a_while_that_nothing_was_changed(extension, sc
     from stereo_reproject_extension.operators.results import result_of
 
     later = []
-    monkeypatch.setattr(bpy.app.timers, "register", lambda function, first_interval: later.append(function))
+    monkeypatch.setattr(bpy.app.timers, "register", lambda function, **_: later.append(function))
     cancel_at(monkeypatch, lambda event: event.get("stage") == "source")
     assert bpy.ops.render.stereo_reproject_image() == {"CANCELLED"}
     assert "Cancelled: nothing was changed" in capfd.readouterr().out

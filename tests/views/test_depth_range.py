@@ -61,6 +61,15 @@ def test_what_an_edge_cuts_in_front_is_named_largest_first():
     assert cut_in_front(seen, 1.0, rows) == []
 
 
+def test_what_has_no_name_counts_as_a_part_of_the_largest_thing_that_has_one():
+    rows = 20
+    few = int(CUT_SHARE * rows) - 1
+    assert cut_in_front(hits("Rock", few) + hits("", few) + hits("", 9, side="right"), 2.0, rows) == [
+        ("", "right"),
+        ("Rock", "left"),
+    ]
+
+
 def test_a_pair_s_edges_are_those_of_the_eye_that_loses_more():
     left, right = np.full((40, 8), np.inf), np.full((40, 8), np.inf)
     # Seen by the right eye at the left edge, and by the left eye at the right one; the other two places do not count.
