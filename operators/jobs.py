@@ -40,7 +40,7 @@ _shown_progress: list[RunProgress] = []
 """Progress of the job that is under way, as the window was told it last; none before that."""
 
 _forgetting: list[Callable[[], None]] = []
-"""What is to be called when words about a cancelled job have stood long enough."""
+"""Call that is due for the words about the last cancelled job, if any."""
 
 _said: set[str] = set()
 """Warnings that need to be reported once, as nothing can be done about them in this Blender, and were."""

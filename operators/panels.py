@@ -226,10 +226,10 @@ class _Preview:
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
         (width, height), is_least = preview_size_of(scene)
-        message = "{width} x {height} pixels for each eye"
+        message = "{width} x {height} pixels for each eye."
         if is_least:
-            message += ", the least that the preferences allow"
-        paragraph(layout, context, Words(f"{message}.", width=width, height=height))
+            message = "{width} x {height} pixels for each eye, the least that the preferences allow."
+        paragraph(layout, context, Words(message, width=width, height=height))
         draw_setting(layout, context, chosen, "preview_samples")
 
 
