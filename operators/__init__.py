@@ -68,25 +68,22 @@ def _classes() -> tuple[type, ...]:
     )
 
 
+def _watchers() -> tuple[Any, ...]:
+    """Return the modules that look after Blender while the extension is switched on, in the order in which they begin;
+    each has `watch` and `unwatch`.
+    """
+    from . import looking, redraw, slots, view_modes
+
+    return slots, view_modes, looking, redraw
+
+
 def register() -> None:
     """Register the classes, settings, menu entries, shortcuts and command with Blender, which calls this when the
     extension is switched on.
     """
     import bpy
 
-    from . import (
-        cone_view,
-        depth_view,
-        keys,
-        looking,
-        manual,
-        panels,
-        preset_menu,
-        properties,
-        redraw,
-        slots,
-        view_modes,
-    )
+    from . import cone_view, depth_view, keys, manual, panels, preset_menu, properties
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -98,10 +95,8 @@ def register() -> None:
     cone_view.add_drawing()
     manual.add_manual()
     preset_menu.add_own_presets()
-    slots.watch()
-    view_modes.watch()
-    looking.watch()
-    redraw.watch()
+    for module in _watchers():
+        module.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -123,19 +118,7 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import (
-        cone_view,
-        depth_view,
-        keys,
-        looking,
-        manual,
-        panels,
-        preset_menu,
-        redraw,
-        screen_here,
-        slots,
-        view_modes,
-    )
+    from . import cone_view, depth_view, keys, manual, panels, preset_menu, screen_here
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -147,10 +130,8 @@ def unregister() -> None:
     cone_view.remove_drawing()
     depth_view.remove_drawing()
     screen_here.put_away()
-    redraw.unwatch()
-    looking.unwatch()
-    view_modes.unwatch()
-    slots.unwatch()
+    for module in reversed(_watchers()):
+        module.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject
     for cls in reversed(_classes()):

@@ -236,7 +236,7 @@ class JobOperator:
                 self._end_without_result({"INFO"}, words, _scene_of(run))
                 if run.animation is None or not (run.frames_finished or run.animation.there_already()):
                     # It says nothing that anyone needs to know for longer.
-                    _forget_later(run.uid, words)
+                    _forget_later(run, words)
             else:
                 words = sentence(reported(error)) + reported(_words_of_kept(run))
                 self._end_without_result({"ERROR"}, words, _scene_of(run))
@@ -270,21 +270,19 @@ class JobOperator:
             under_way.say(line, short)
 
 
-def _forget_later(uid: int, words: str) -> None:
+def _forget_later(run: BackgroundJob, words: str) -> None:
     """Have `_forget_words` called after a while, and no more for what was said before."""
     while _forgetting:
         earlier = _forgetting.pop()
         if bpy.app.timers.is_registered(earlier):
             bpy.app.timers.unregister(earlier)
-    _forgetting.append(partial(_forget_words, uid, words))
+    _forgetting.append(partial(_forget_words, run, words))
     bpy.app.timers.register(_forgetting[-1], first_interval=CANCELLED_SECONDS)
 
 
-def _forget_words(uid: int, words: str) -> None:
-    """Have the panels of the scene with this session id no longer say why its last job ended, if these are the
-    words.
-    """
-    scene = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+def _forget_words(run: BackgroundJob, words: str) -> None:
+    """Have the panels of a run's scene no longer say why its last job ended, if these are the words."""
+    scene = _scene_of(run)
     if scene is not None and result_of(scene).ended == words:
         result_of(scene).ended = ""
         redraw_panels()

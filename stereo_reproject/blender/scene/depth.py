@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import bpy
 import numpy as np
@@ -42,9 +42,7 @@ def measure_depth(
     The depsgraph is that of the scene. Hair, volumes and displacement are not seen. Raises BadInputError where nothing
     is in front of the camera.
     """
-    camera = scene.camera.evaluated_get(depsgraph)
-    eyes, frame = stereo_cameras(camera, scene.render), frame_pixels(frame_region(scene.render))
-    clip = camera.data.clip_start, camera.data.clip_end
+    eyes, frame, clip = _seen_through(scene, depsgraph)
     hits = cast_rays(scene, depsgraph, eyes["left"], grid_positions(frame, GRID_COLUMNS, GRID_ROWS), clip)
     depth = np.array([hit_depth for hit_depth, _ in hits])
     # The sky of parallel rays has no place on the screen where the eyes are turned.
@@ -59,15 +57,24 @@ def measure_depth(
 
 def edge_hits(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> tuple[EdgeHit, ...]:
     """Return what the scene's camera sees at the frame's edges now; parameters and limits as for `measure_depth`."""
-    camera = scene.camera.evaluated_get(depsgraph)
-    eyes, frame = stereo_cameras(camera, scene.render), frame_pixels(frame_region(scene.render))
-    clip = camera.data.clip_start, camera.data.clip_end
+    eyes, frame, clip = _seen_through(scene, depsgraph)
     return tuple(
         EdgeHit(side, name, hit_depth)
         for side, eye in FAR_EYE.items()
         for hit_depth, name in cast_rays(scene, depsgraph, eyes[eye], edge_positions(frame, side, EDGE_ROWS), clip)
         if np.isfinite(hit_depth)
     )
+
+
+def _seen_through(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph
+) -> tuple[Mapping[str, Camera], FramePixels, tuple[float, float]]:
+    """Return both eyes of the scene's camera, by "left" and "right", its whole frame, and the depths between which it
+    sees, in scene units.
+    """
+    camera = scene.camera.evaluated_get(depsgraph)
+    clip = camera.data.clip_start, camera.data.clip_end
+    return stereo_cameras(camera, scene.render), frame_pixels(frame_region(scene.render)), clip
 
 
 def cast_rays(
