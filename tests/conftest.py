@@ -1,9 +1,11 @@
 """What every test relies on: markers that follow from the folder, the scenes beside the checkout, and in CI no test
 that quietly did not run."""
 
+import atexit
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from functools import partial
 from pathlib import Path
@@ -25,12 +27,31 @@ MARKERS_OF_FOLDER = {
 MUST_RUN_IN_CI = "blender"
 
 
+EXIT_STATUS = pytest.StashKey[int]()
+
+
 def pytest_configure(config: pytest.Config) -> None:
+    # Registered before Blender is loaded, and so called after all that Blender registers.
+    atexit.register(_end_process, config)
     _listen_to_signals()
     _have_temporary_files_removed(config)
     # The user's own files are neither read nor written: tests begin alike on every machine. Those that keep costs name
     # a folder of their own.
     os.environ[USER_FOLDER_VARIABLE] = ""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    session.config.stash[EXIT_STATUS] = int(session.exitstatus)
+
+
+def _end_process(config: pytest.Config) -> None:
+    """End this process with the status of its tests, before the libraries that came with Blender are taken apart:
+    Blender 4.5 as a Python module sometimes never comes back from that."""
+    if EXIT_STATUS in config.stash:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(config.stash[EXIT_STATUS])
 
 
 def _listen_to_signals() -> None:
