@@ -16,6 +16,7 @@ def _classes() -> tuple[type, ...]:
         depth,
         depth_view,
         explained,
+        frames_shown,
         image_panels,
         jobs,
         kept,
@@ -61,6 +62,7 @@ def _classes() -> tuple[type, ...]:
         view_modes.STEREO_REPROJECT_OT_wiggle,
         view_modes.STEREO_REPROJECT_OT_hear_escape,
         looking.STEREO_REPROJECT_OT_look,
+        frames_shown.STEREO_REPROJECT_OT_look_at_frame,
         wiggle_export.STEREO_REPROJECT_OT_export_wiggle,
         multiview.STEREO_REPROJECT_OT_show_side,
         *panels.PANELS,
@@ -72,9 +74,9 @@ def _watchers() -> tuple[Any, ...]:
     """Return the modules that look after Blender while the extension is switched on, in the order in which they begin;
     each has `watch` and `unwatch`.
     """
-    from . import looking, redraw, slots, view_modes
+    from . import frames_shown, looking, redraw, slots, view_modes
 
-    return slots, view_modes, looking, redraw
+    return slots, view_modes, looking, frames_shown, redraw
 
 
 def register() -> None:

@@ -118,7 +118,7 @@ def price_words(price: Mapping[str, Any]) -> str:
 
 def fill_words(fill: Mapping[str, Any]) -> Words:
     """Return words about how missing pixels are rendered, and why so; `fill` is that part of a report."""
-    return Words("Hole rendering: {method}, {reason}", method=fill["method"], reason=fill["reason"])
+    return Words("Hole rendering: {method}, {reason}", method=fill["method"].capitalize(), reason=fill["reason"])
 
 
 def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:

@@ -23,6 +23,7 @@ from ..stereo_reproject.report.verdict import (
 from ..stereo_reproject.words import Words
 from . import second_blender
 from .fitting import TEXT_MARGINS_PX, first_that_fits, fits, room_for_text, text_width
+from .frames_shown import draw_frame
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_shown, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
@@ -153,7 +154,9 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     if result.animation is not None:
         play = RENDER_OT_stereo_reproject_view_animation
         text = first_that_fits(context, (play.bl_label, "View Animation", "View"), 1.0, ICON_PX)
-        layout.operator(play.bl_idname, text=text, icon="PLAY")
+        column = layout.column(align=True)
+        column.operator(play.bl_idname, text=text, icon="PLAY")
+        draw_frame(column, context)
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:

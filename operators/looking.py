@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 
+from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.words import Words
 from .jobs import running
 from .pictures import find_editor, image_editors
 from .redraw import redraw_panels
@@ -37,21 +42,33 @@ class STEREO_REPROJECT_OT_look(bpy.types.Operator):
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Show the pair in this mode; report an error where no Image Editor can be had."""
-        found = _window_and_editor()
-        if found is None:
-            bpy.ops.render.view_show("INVOKE_DEFAULT")
-            found = _window_and_editor()
-        if found is None:
-            self.report({"ERROR"}, reported("No Image Editor could be opened: turn an editor into one"))
+        try:
+            with pair_editor():
+                if self.mode == WIGGLE:
+                    bpy.ops.stereo_reproject.wiggle("INVOKE_DEFAULT")
+                else:
+                    bpy.ops.stereo_reproject.show_view(mode=self.mode)
+        except BadInputError as error:
+            self.report({"ERROR"}, reported(error))
             return {"CANCELLED"}
-        window, area = found
-        region = next(region for region in area.regions if region.type == "WINDOW")
-        with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-            if self.mode == WIGGLE:
-                bpy.ops.stereo_reproject.wiggle("INVOKE_DEFAULT")
-            else:
-                bpy.ops.stereo_reproject.show_view(mode=self.mode)
         return {"FINISHED"}
+
+
+@contextmanager
+def pair_editor() -> Iterator[None]:
+    """Have the Image Editor that shows the pair be that of the context, for the time of a `with` block; where none
+    does, one opens. Raises BadInputError where none can be had.
+    """
+    found = _window_and_editor()
+    if found is None:
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+        found = _window_and_editor()
+    if found is None:
+        raise BadInputError(Words("No Image Editor could be opened: turn an editor into one"))
+    window, area = found
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        yield
 
 
 def _window_and_editor() -> tuple[bpy.types.Window, bpy.types.Area] | None:

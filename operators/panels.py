@@ -18,6 +18,7 @@ from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .explained import EYES, draw_heading
 from .fitting import draw_setting, fits
+from .frames_shown import STEREO_REPROJECT_OT_look_at_frame
 from .headset import is_for_headset, panorama_obstacle
 from .headset_panel import Headset, draw_comfort, draw_panorama
 from .jobs import running
@@ -196,7 +197,7 @@ class _Check:
             low, high, fill = duration(total["low"]), duration(total["high"]), predicted["fill"]
             ours = low if low == high else Words("{low} to {high}", low=low, high=high)
             both = {"time": ours, "multiview": duration(predicted["multiview_seconds"])}
-            paragraph(layout, context, Words("{time}, multiview {multiview}.", **both))
+            paragraph(layout, context, Words("The pair will take {time}, multiview {multiview}.", **both))
             paragraph(layout, context, Words("{sentence}.", sentence=fill_words(fill)))
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
@@ -290,5 +291,6 @@ def draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     menu.layout.operator(RENDER_OT_stereo_reproject_image.bl_idname, icon="CAMERA_STEREO")
     menu.layout.operator(RENDER_OT_stereo_reproject_animation.bl_idname, icon="CAMERA_STEREO")
     menu.layout.operator(RENDER_OT_stereo_reproject_view_animation.bl_idname, icon="PLAY")
+    menu.layout.operator(STEREO_REPROJECT_OT_look_at_frame.bl_idname, icon="CAMERA_STEREO")
     if kept_pair() is not None:
         menu.layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")

@@ -12,6 +12,9 @@ NAME = "Stereo {}"
 QUILT = NAME.format("Quilt")
 """Name of the image that shows the quilt of many views."""
 
+FRAMES = NAME.format("Frames")
+"""Name of the image that shows frames of an animation, from their files."""
+
 SHOWN = [
     ("PAIR", "Stereo Pair", "The Render Result, with both eyes"),
     *((key, name, description) for key, (_, name, description) in PICTURES.items()),
@@ -73,6 +76,19 @@ def kind_of(image: bpy.types.Image | None) -> str | None:
     return image.get(KIND) if image is not None and image.is_runtime_data else None
 
 
+SHOWN_FRAME = "stereo_reproject_frame"
+"""Property of the image of frames: the number of the frame that it holds."""
+
+
+def frame_shown(image: bpy.types.Image | None) -> int | None:
+    """Return the frame of an animation that an image shows, whole or one eye of it; None where it shows none."""
+    frames = bpy.data.images.get(FRAMES)
+    if image is None or frames is None:
+        return None
+    name = image.name if kind_of(image) is None else image[PAIR]
+    return frames.get(SHOWN_FRAME) if name == FRAMES else None
+
+
 def image_editors() -> list[tuple[bpy.types.Window, bpy.types.Area]]:
     """Return the Image Editors of all windows, each with its window."""
     areas = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas]
@@ -85,8 +101,8 @@ def picture_names() -> set[str]:
 
 
 def is_ours(image: bpy.types.Image) -> bool:
-    """Return whether an image explains a pair, shows it without glasses, or is the quilt of many views."""
-    return image.name in picture_names() or image.name == QUILT or kind_of(image) is not None
+    """Return whether an image explains a pair, shows it without glasses, or is of many views or of an animation."""
+    return image.name in {*picture_names(), QUILT, FRAMES} or kind_of(image) is not None
 
 
 def find_editor() -> bpy.types.Area | None:

@@ -20,7 +20,11 @@ OF_PANORAMAS = "CUTOUTS"
 
 PICTURES = {
     "HOLES": ("holes.png", "Rendered Again", "Which pixels of the second eye were rendered, and why"),
-    "GRID": ("grid.png", "Grid", "The grid that warped the first eye's pixels"),
+    "GRID": (
+        "grid.png",
+        "Grid",
+        "The grid that warped the first eye's pixels: wide cells on one surface, fine ones where depth changes",
+    ),
     "ERRORS": (
         "estimate.png",
         UNCERTAIN_AREAS,

@@ -11,7 +11,7 @@ from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from . import wiggling
 from .jobs import running
-from .pictures import fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
+from .pictures import find_editor, fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
 from .run import other_windows
 from .text import reported, sentence, shown
@@ -57,12 +57,15 @@ def mode_of(context: bpy.types.Context) -> str | None:
 
 
 def pair_in(context: bpy.types.Context) -> bpy.types.Image | None:
-    """Return the image with the pair that the Image Editor of the context shows or would show, or that was rendered
-    last where the context has no Image Editor; None if there is none, as far as Blender knows without a look at the
-    pixels.
+    """Return the image with the pair that an Image Editor shows or would show, that of the context or else the one in
+    which pairs are shown; where there is none of these, the pair that was rendered last. None if there is none, as far
+    as Blender knows without a look at the pixels.
     """
     space = context.space_data
-    pair = pair_shown_in(space) if space is not None and space.type == "IMAGE_EDITOR" else render_result()
+    if space is None or space.type != "IMAGE_EDITOR":
+        area = find_editor()
+        space = None if area is None else area.spaces.active
+    pair = render_result() if space is None else pair_shown_in(space)
     if pair is None or has_two_views(pair):
         return pair
     return pair if result_of(context.scene).delivery is not None else None

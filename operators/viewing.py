@@ -19,7 +19,7 @@ VIEWING = "View Stereo Animation (Ctrl Shift F11)"
 PLAYS_BOTH = "Play the stereo animation that was rendered to the scene's output path, both eyes in one picture"
 PLAYS_LEFT = (
     "Play the left eye of the stereo animation that was rendered to the scene's output path: Blender's player shows"
-    " one file. For both eyes, set Views Format to Stereo 3D and render"
+    " one file. Look at Frame, beside it, shows both eyes"
 )
 """Tooltips, by the layout of the files."""
 
@@ -32,11 +32,11 @@ def needs_our_player(scene: bpy.types.Scene) -> bool:
     return not render.use_multiview and render.image_settings.views_format == "INDIVIDUAL"
 
 
-def _first_file(scene: bpy.types.Scene, view: str) -> Path:
-    """Return the path of the animation's first frame, or of its movie, by the scene's output settings. view names the
-    eye whose file it is; "" stands for the file that both eyes share.
+def frame_file(scene: bpy.types.Scene, frame: int, view: str) -> Path:
+    """Return the path of a frame of the animation, or of its movie, by the scene's output settings. view names the eye
+    whose file it is; "" stands for the file that both eyes share.
     """
-    return Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start, view=view)))
+    return Path(bpy.path.abspath(scene.render.frame_path(frame=frame, view=view)))
 
 
 class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
@@ -63,7 +63,7 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
         that.
         """
         scene = context.scene
-        if self.unless_plain and (not needs_our_player(scene) or _first_file(scene, "").exists()):
+        if self.unless_plain and (not needs_our_player(scene) or frame_file(scene, scene.frame_start, "").exists()):
             return {"PASS_THROUGH"}
         return self.execute(context)
 
@@ -71,7 +71,7 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
         """Play the animation in Blender's player, with Stereoscopy switched on meanwhile."""
         scene = context.scene
         apart = scene.render.image_settings.views_format == "INDIVIDUAL"
-        path = _first_file(scene, VIEWS[0] if apart else "")
+        path = frame_file(scene, scene.frame_start, VIEWS[0] if apart else "")
         if not path.exists():
             what = Words("There is no stereo animation to play: {path} does not exist, render it first", path=path)
             self.report({"ERROR"}, reported(what))

@@ -24,7 +24,7 @@ from ..stereo_reproject.jobs.work_folder import is_full_disk_error, work_folder
 from ..stereo_reproject.jobs.worker_process import module_command
 from ..stereo_reproject.words import Words
 from .jobs import running
-from .pictures import image_editors
+from .pictures import frame_shown, image_editors
 from .preferences import temporary_folder
 from .results import result_of
 from .slots import content_now
@@ -222,10 +222,10 @@ def _stem_of(context: bpy.types.Context) -> str:
     """
     stem = str(Path(bpy.data.filepath).with_suffix("")) if bpy.data.filepath else "untitled"
     result = result_of(context.scene)
-    frame = None if result.delivery is None else result.delivery.frame
-    if result.animation is None or frame is None or not _is_last_result(context):
-        return stem
-    return f"{stem}_{frame:04d}"
+    frame = frame_shown(pair_in(context))
+    if result.animation is not None and result.delivery is not None and _is_last_result(context):
+        frame = result.delivery.frame
+    return stem if frame is None else f"{stem}_{frame:04d}"
 
 
 def _is_last_result(context: bpy.types.Context) -> bool:

@@ -23,14 +23,14 @@ def dubois(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.
     """
     if left.shape != right.shape:
         raise ValueError(f"the eyes differ in shape: {left.shape} and {right.shape}")
-    light = _decoded(left[..., :3]) @ LEFT.T + _decoded(right[..., :3]) @ RIGHT.T
+    light = light_of_srgb(left[..., :3]) @ LEFT.T + light_of_srgb(right[..., :3]) @ RIGHT.T
     result = np.empty(left.shape, np.float32)
     result[..., :3] = _encoded(np.clip(light, 0, 1))
     result[..., 3:] = np.maximum(left[..., 3:], right[..., 3:])
     return result
 
 
-def _decoded(colour: NDArray[np.float32]) -> NDArray[np.float32]:
+def light_of_srgb(colour: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the linear light of an sRGB-encoded picture (IEC 61966-2-1); values are clipped to 0..1 first."""
     colour = np.clip(colour, 0, 1).astype(np.float32, copy=False)
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4).astype(np.float32)

@@ -96,8 +96,10 @@ def choose_fill(
     if best != "full" and predicted[best] > TUNING.max_share_of_full_cost * predicted["full"]:
         notes.append(f"{best} is predicted to take {predicted[best]:.1f} s")
         best = "full"
-    against = f" against {predicted['full']:.1f} s full" if best != "full" else ""
-    return FillChoice(best, "; ".join([f"predicted {predicted[best]:.1f} s{against}", *notes]), predicted[best])
+    foreseen = f"predicted to take {predicted[best]:.1f} s"
+    if best != "full":
+        foreseen += f", the whole eye {predicted['full']:.1f} s"
+    return FillChoice(best, "; ".join([foreseen, *notes]), predicted[best])
 
 
 def _predicted_seconds(fraction: float, cost: SourceCost, costs: TraceCosts, spacing: int | None) -> dict[str, float]:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.delivery.anaglyph import LEFT, RIGHT, _decoded, _encoded, dubois
+from stereo_reproject.delivery.anaglyph import LEFT, RIGHT, _encoded, dubois, light_of_srgb
 from tests.delivery.movies import ffmpeg
 
 ROUNDED = 5e-4
@@ -21,7 +21,7 @@ def test_grey_stays_grey_within_the_matrices_row_sums():
     sums = (LEFT + RIGHT).sum(axis=1)
     np.testing.assert_allclose(sums, 1, atol=3 * ROUNDED)
     grey = np.repeat(np.linspace(0, 1, 64, dtype=np.float32)[None, :, None], 3, axis=2)
-    expected = _encoded(np.clip(_decoded(grey) * sums, 0, 1))
+    expected = _encoded(np.clip(light_of_srgb(grey) * sums, 0, 1))
     np.testing.assert_allclose(dubois(grey, grey), expected, atol=1e-5)
     np.testing.assert_allclose(dubois(grey, grey), grey, atol=2e-3)
 
@@ -51,7 +51,7 @@ def test_what_comes_out():
 
 def test_encoding_and_decoding_are_inverse():
     values = np.linspace(0, 1, 1001, dtype=np.float32)
-    np.testing.assert_allclose(_encoded(_decoded(values)), values, atol=1e-6)
+    np.testing.assert_allclose(_encoded(light_of_srgb(values)), values, atol=1e-6)
 
 
 def test_ffmpegs_filter_agrees(tmp_path):
@@ -64,5 +64,5 @@ def test_ffmpegs_filter_agrees(tmp_path):
     done = ffmpeg(*raw, "-s", "64x16", "-i", source, "-vf", "stereo3d=sbsl:arcd", *raw, target)
     assert done.returncode == 0, done.stderr
     theirs = np.frombuffer(target.read_bytes(), np.uint8).reshape(left.shape) / 255
-    ours = _decoded(dubois(_encoded(left), _encoded(right)))
+    ours = light_of_srgb(dubois(_encoded(left), _encoded(right)))
     np.testing.assert_allclose(ours, theirs, atol=EIGHT_BITS)

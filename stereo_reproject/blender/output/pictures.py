@@ -152,7 +152,7 @@ def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     """Write a PNG of the warp's grid as a wireframe over the source eye (H, W, 4), enlarged where that is small (paper,
-    figure 4). Subdivided cells show single pixels, coarse ones their two triangles.
+    figure 4), with a legend below. Subdivided cells show single pixels, coarse ones their two triangles.
     """
     scale = max(1, min(3, GRID_WIDTH_PIXELS // grid.width))
     picture = np.repeat(np.repeat(display(source), scale, axis=0), scale, axis=1)
@@ -165,7 +165,12 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     for k, value in enumerate(GRID_COLOUR):
         dimmed = picture[..., k].astype(np.uint16) * 3 // 5
         picture[..., k] = (dimmed * (255 - strength) + np.uint16(value) * strength) // 255
-    write_png(path, picture)
+    share = 100.0 * np.mean(_cells_in_pixels(grid, 1))
+    words = (
+        f"Wide cells, {CELL_QUADS} x {CELL_QUADS} pixels of one surface, are warped as one; in the fine grid,"
+        f" {share:.0f} % of the picture, each pixel is warped by itself"
+    )
+    _write_with_legend(path, picture, [(words, GRID_COLOUR)])
 
 
 def _cells_in_pixels(grid: Grid, scale: int) -> NDArray[np.bool_]:

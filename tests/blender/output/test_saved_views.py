@@ -99,3 +99,28 @@ def test_one_view_is_no_pair(scene, tmp_path):
     bpy.ops.render.render()
     with pytest.raises(BadInputError, match="no stereo pair"):
         linear_views(scene, render_result(), tmp_path)
+
+
+def test_what_is_stored_with_a_view_transform_gets_no_second_one(scene, tmp_path):
+    """Both eyes in one file of bytes, which Blender 5.2 takes apart without their colour space."""
+    greys = {"left": 51, "right": 204}
+    pixels = np.ones((4, 2, 8, 4), np.float32)
+    pixels[..., :3] = np.array([*greys.values()], np.float32)[:, None, None] / 255.0
+    image = bpy.data.images.new("stored", 16, 4)
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = str(tmp_path / "stored.png"), "PNG"
+    image.save()
+    opened = bpy.data.images.load(str(tmp_path / "stored.png"))
+    scene.render.use_multiview = True
+    opened.use_multiview, opened.views_format = True, "STEREO_3D"
+    opened.stereo_3d_format.display_mode = "SIDEBYSIDE"
+    view, display = scene.view_settings, scene.display_settings
+    display.display_device, view.view_transform, view.look, view.exposure = "Display P3", "AgX", "AgX - Punchy", 1.0
+    shown, linear = shown_views(scene, opened, tmp_path), linear_views(scene, opened, tmp_path)
+    for name, grey in greys.items():
+        np.testing.assert_allclose(shown[name], grey / 255.0, atol=1e-6)
+        light = (grey / 255.0 + 0.055) ** 2.4 / 1.055**2.4
+        np.testing.assert_allclose(linear[name][..., :3], light, rtol=1e-5)
+        np.testing.assert_array_equal(linear[name][..., 3], 1.0)
+    now = display.display_device, view.view_transform, view.look, view.exposure
+    assert now == ("Display P3", "AgX", "AgX - Punchy", 1.0)
