@@ -244,6 +244,32 @@ def animate():
     facts["stereoscopy"] = scene.render.use_multiview
 
 
+def look_at_frames():
+    """By the button, then the timeline is played: what the editor shows follows it."""
+    yield from click("IMAGE_EDITOR", "UI", "stereo_reproject.look_at_frame()")
+    space = area_of("IMAGE_EDITOR").spaces.active
+    yield from until(lambda: space.image.name == "Stereo Frames", "the frame is not shown")
+    yield 0.5
+    shoot("frame")
+    facts["frame"] = [space.image.is_stereo_3d, space.show_stereo_3d, list(space.image.size)]
+    seen = facts["frames played"] = []
+    bpy.context.scene.frame_start = 1
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.screen.animation_play()
+
+    def look():
+        name = Path(space.image.filepath).name
+        if name not in seen[-1:]:
+            seen.append(name)
+        return len(seen) > 3
+
+    yield from until(look, "the editor does not follow the timeline")
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.screen.animation_cancel()
+    yield from click("IMAGE_EDITOR", "UI", "stereo_reproject.look_at_frame()")
+    yield from until(lambda: space.image.type == "RENDER_RESULT", "a second press does not show the Render Result")
+
+
 def warp_on_the_gpu():
     """What a script in the window's own process has."""
     # The extension has no synthetic scenes: it is the checkout's engine that is tried, which is the same.
@@ -278,6 +304,7 @@ STEPS = (
     show_it_large,
     look_at_the_pictures,
     animate,
+    look_at_frames,
     warp_on_the_gpu,
     switch_off_under_way,
 )

@@ -133,6 +133,11 @@ def test_view_animation_plays_it_without_stereoscopy(facts):
     assert not facts["stereoscopy"]
 
 
+def test_frames_are_looked_at_with_both_eyes_and_follow_the_timeline(facts):
+    assert facts["frame"][:2] == [True, True]
+    assert {*facts["frames played"]} == {"shot_0001_L.png", "shot_0002_L.png"}
+
+
 def test_switching_the_extension_off_under_way_and_on_again(facts):
     assert facts["gone"]
     assert facts["back"]
