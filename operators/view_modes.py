@@ -236,6 +236,8 @@ def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
     _in_anaglyph(context.window)
     space.image, space.show_stereo_3d = pair, True
     redraw_with_both_eyes(fit=not is_shown)
+    if not is_shown and pair.type != "RENDER_RESULT" and not bpy.app.background:
+        fit_editor(context.window, context.area)
     remove_unused(keep=wiggling.kinds_in_use())
     _last_modes[space.as_pointer()] = (mode, pair.name)
 

@@ -251,7 +251,10 @@ def look_at_frames():
     yield from until(lambda: space.image.name == "Stereo Frames", "the frame is not shown")
     yield 0.5
     shoot("frame")
-    facts["frame"] = [space.image.is_stereo_3d, space.show_stereo_3d, list(space.image.size)]
+    region = region_of("IMAGE_EDITOR", "WINDOW")
+    sides = zip(space.image.size, (region.width, region.height), strict=True)
+    shares = [space.zoom[0] * side / room for side, room in sides]
+    facts["frame"] = [space.image.is_stereo_3d, space.show_stereo_3d, max(shares)]
     seen = facts["frames played"] = []
     bpy.context.scene.frame_start = 1
     with bpy.context.temp_override(window=window()):
