@@ -18,7 +18,7 @@ from ..stereo_reproject.words import Words
 from . import wiggling
 from .jobs import running
 from .looking import pair_editor
-from .pictures import FRAMES, SHOWN_FRAME, frame_shown, image_editors, kind_of, render_result
+from .pictures import FRAMES, SHOWN_FRAME, frame_shown, frames_image, image_editors, kind_of, render_result
 from .redraw import redraw_panels
 from .text import reported, sentence, shown
 from .view_images import made_images
@@ -62,7 +62,7 @@ def _load(scene: bpy.types.Scene, frame: int) -> bpy.types.Image:
     if problem is not None:
         raise BadInputError(problem)
     path = str(files_of(scene, frame)[0])
-    image = bpy.data.images.get(FRAMES)
+    image = frames_image()
     try:
         if image is None:
             image = bpy.data.images.load(path)
@@ -135,8 +135,8 @@ def _follow(scene: bpy.types.Scene, *_: Any) -> None:
     """Show the frame that the scene has come to in Image Editors that show another of its frames; where its files are
     not there, they keep that. Blender calls this after a change of the frame, in a render's thread too.
     """
-    image = bpy.data.images.get(FRAMES)
-    if image is None or image.get(SHOWN_FRAME) == scene.frame_current or bpy.app.is_job_running("RENDER"):
+    image = frames_image()
+    if image is None or image[SHOWN_FRAME] == scene.frame_current or bpy.app.is_job_running("RENDER"):
         return
     spaces = [area.spaces.active for window, area in image_editors() if window.scene == scene]
     showing = [space.image for space in spaces if frame_shown(space.image) is not None]
@@ -172,7 +172,7 @@ def unwatch() -> None:
     """Undo `watch`, and remove the image. Called when the extension is switched off."""
     if _follow in bpy.app.handlers.frame_change_post:
         bpy.app.handlers.frame_change_post.remove(_follow)
-    image = bpy.data.images.get(FRAMES)
+    image = frames_image()
     if image is not None:
         for _, area in image_editors():
             if area.spaces.active.image == image:

@@ -82,11 +82,16 @@ SHOWN_FRAME = "stereo_reproject_frame"
 
 def frame_shown(image: bpy.types.Image | None) -> int | None:
     """Return the frame of an animation that an image shows, whole or one eye of it; None where it shows none."""
-    frames = bpy.data.images.get(FRAMES)
+    frames = frames_image()
     if image is None or frames is None:
         return None
     name = image.name if kind_of(image) is None else image[PAIR]
-    return frames.get(SHOWN_FRAME) if name == FRAMES else None
+    return frames[SHOWN_FRAME] if name == frames.name else None
+
+
+def frames_image() -> bpy.types.Image | None:
+    """Return the image of frames; None if there is none. The user may have one of the same name."""
+    return next((image for image in bpy.data.images if image.is_runtime_data and SHOWN_FRAME in image), None)
 
 
 def image_editors() -> list[tuple[bpy.types.Window, bpy.types.Area]]:
@@ -102,7 +107,9 @@ def picture_names() -> set[str]:
 
 def is_ours(image: bpy.types.Image) -> bool:
     """Return whether an image explains a pair, shows it without glasses, or is of many views or of an animation."""
-    return image.name in {*picture_names(), QUILT, FRAMES} or kind_of(image) is not None
+    if image.name in {*picture_names(), QUILT} or kind_of(image) is not None:
+        return True
+    return image == frames_image()
 
 
 def find_editor() -> bpy.types.Area | None:

@@ -142,6 +142,16 @@ def test_a_wiggle_of_a_frame_has_its_number(scene, area):
         assert _stem_of(bpy.context) == "untitled_0002"
 
 
+def test_the_user_s_image_of_the_same_name_stays_as_it_is(scene, area):
+    own = bpy.data.images.new("Stereo Frames", *SIZE)
+    look(area)
+    scene.frame_set(2)
+    assert area.spaces.active.image.name == "Stereo Frames.001"
+    show(area, "SIDE_BY_SIDE")
+    assert seen(area) == near(0.4, 0.9)
+    assert (own.source, own.filepath) == ("GENERATED", "")
+
+
 def test_switched_off_it_leaves_no_image(scene, area, extension):
     look(area)
     extension.unregister()
