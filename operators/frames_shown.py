@@ -6,14 +6,13 @@ Blender's player shows one file, and so the left eye alone where each eye has it
 from __future__ import annotations
 
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..stereo_reproject.blender.output.image_settings import set_changed, values_of
 from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
-from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.words import Words
 from . import wiggling
 from .jobs import running
@@ -23,25 +22,7 @@ from .redraw import redraw_panels
 from .text import reported, sentence, shown
 from .view_images import made_images
 from .view_modes import ANAGLYPH, mode_of, show
-from .viewing import frame_file
-
-STEREO_3D_SETTINGS = (
-    "display_mode",
-    "anaglyph_type",
-    "interlace_type",
-    "use_interlace_swap",
-    "use_sidebyside_crosseyed",
-    "use_squeezed_frame",
-)
-"""Blender's settings of how both eyes lie in one picture."""
-
-
-def files_of(scene: bpy.types.Scene, frame: int) -> tuple[Path, ...]:
-    """Return the paths of a frame's files by the scene's output settings: the left and the right eye's, or the one of
-    both.
-    """
-    apart = scene.render.image_settings.views_format == "INDIVIDUAL"
-    return tuple(frame_file(scene, frame, view) for view in (VIEWS if apart else ("",)))
+from .viewing import files_of
 
 
 def missing_frame(scene: bpy.types.Scene, frame: int) -> str | None:
@@ -56,11 +37,8 @@ def missing_frame(scene: bpy.types.Scene, frame: int) -> str | None:
 
 def _load(scene: bpy.types.Scene, frame: int) -> bpy.types.Image:
     """Load a frame of the scene's animation into the image of frames, and return that. Raises BadInputError where a
-    file is missing or cannot be read.
+    file cannot be read; whether its files are there, `missing_frame` says.
     """
-    problem = missing_frame(scene, frame)
-    if problem is not None:
-        raise BadInputError(problem)
     path = str(files_of(scene, frame)[0])
     image = frames_image()
     try:
@@ -76,8 +54,7 @@ def _load(scene: bpy.types.Scene, frame: int) -> bpy.types.Image:
     # Blender looks for the other eye's file as the format of the views is set, and only with Stereoscopy.
     with changed(scene.render, use_multiview=True):
         if settings.views_format == "STEREO_3D":
-            for name in STEREO_3D_SETTINGS:
-                setattr(image.stereo_3d_format, name, getattr(settings.stereo_3d_format, name))
+            set_changed(image.stereo_3d_format, values_of(settings.stereo_3d_format))
         if settings.views_format != "MULTIVIEW":
             image.use_multiview = True
             image.views_format = settings.views_format

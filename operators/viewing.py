@@ -32,11 +32,19 @@ def needs_our_player(scene: bpy.types.Scene) -> bool:
     return not render.use_multiview and render.image_settings.views_format == "INDIVIDUAL"
 
 
-def frame_file(scene: bpy.types.Scene, frame: int, view: str) -> Path:
+def _frame_file(scene: bpy.types.Scene, frame: int, view: str) -> Path:
     """Return the path of a frame of the animation, or of its movie, by the scene's output settings. view names the eye
     whose file it is; "" stands for the file that both eyes share.
     """
     return Path(bpy.path.abspath(scene.render.frame_path(frame=frame, view=view)))
+
+
+def files_of(scene: bpy.types.Scene, frame: int) -> tuple[Path, ...]:
+    """Return the paths of a frame's files by the scene's output settings: the left and the right eye's, or the one of
+    both.
+    """
+    apart = scene.render.image_settings.views_format == "INDIVIDUAL"
+    return tuple(_frame_file(scene, frame, view) for view in (VIEWS if apart else ("",)))
 
 
 class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
@@ -63,15 +71,14 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
         that.
         """
         scene = context.scene
-        if self.unless_plain and (not needs_our_player(scene) or frame_file(scene, scene.frame_start, "").exists()):
+        if self.unless_plain and (not needs_our_player(scene) or _frame_file(scene, scene.frame_start, "").exists()):
             return {"PASS_THROUGH"}
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Play the animation in Blender's player, with Stereoscopy switched on meanwhile."""
         scene = context.scene
-        apart = scene.render.image_settings.views_format == "INDIVIDUAL"
-        path = frame_file(scene, scene.frame_start, VIEWS[0] if apart else "")
+        path = files_of(scene, scene.frame_start)[0]
         if not path.exists():
             what = Words("There is no stereo animation to play: {path} does not exist, render it first", path=path)
             self.report({"ERROR"}, reported(what))

@@ -100,7 +100,7 @@ def _override(settings: bpy.types.ImageFormatSettings) -> tuple[list[Values], Va
     `_owners`, and those of the curves (None where there are none).
     """
     curves = settings.view_settings.curve_mapping
-    return [_values(owner) for owner in _owners(settings)], None if curves is None else _curves(curves)
+    return [values_of(owner) for owner in _owners(settings)], None if curves is None else _curves(curves)
 
 
 def _owners(settings: bpy.types.ImageFormatSettings) -> list[Any]:
@@ -108,7 +108,7 @@ def _owners(settings: bpy.types.ImageFormatSettings) -> list[Any]:
     return [settings.display_settings, settings.view_settings, settings.linear_colorspace_settings]
 
 
-def _values(owner: bpy.types.bpy_struct) -> Values:
+def values_of(owner: bpy.types.bpy_struct) -> Values:
     """Return the values of a struct's properties that can be set, by name, in an order in which they can be set
     again. A choice that this Blender does not know, which an old file may hold, has no value: it is left out.
     """
@@ -177,7 +177,7 @@ def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
 def copy_settings(scene: bpy.types.Scene, other: bpy.types.Scene) -> None:
     """Give the scene `other` the render settings and the view transform of `scene`, curves included."""
     for name in ("render", "display_settings", "view_settings"):
-        set_changed(getattr(other, name), _values(getattr(scene, name)))
+        set_changed(getattr(other, name), values_of(getattr(scene, name)))
     other.render.image_settings.compression = scene.render.image_settings.compression
     view, curves = other.view_settings, scene.view_settings.curve_mapping
     if view.use_curve_mapping and curves is not None:
@@ -196,6 +196,6 @@ def format_values(scene: bpy.types.Scene) -> dict[str, Any]:
     owners = {"image": settings, "stereo": settings.stereo_3d_format}
     if settings.color_management == "OVERRIDE":
         owners |= {f"colours {k}": owner for k, owner in enumerate(_owners(settings))}
-    values = {name: _values(owner) for name, owner in owners.items()}
-    stamp = {name: value for name, value in _values(scene.render).items() if "stamp" in name}
+    values = {name: values_of(owner) for name, owner in owners.items()}
+    stamp = {name: value for name, value in values_of(scene.render).items() if "stamp" in name}
     return {**values, "extension": scene.render.use_file_extension, "stamp": stamp if scene.render.use_stamp else None}

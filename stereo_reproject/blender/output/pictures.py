@@ -165,7 +165,7 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     for k, value in enumerate(GRID_COLOUR):
         dimmed = picture[..., k].astype(np.uint16) * 3 // 5
         picture[..., k] = (dimmed * (255 - strength) + np.uint16(value) * strength) // 255
-    share = 100.0 * np.mean(_cells_in_pixels(grid, 1))
+    share = 100.0 * np.mean(fine)
     words = (
         f"Wide cells, {CELL_QUADS} x {CELL_QUADS} pixels of one surface, are warped as one; in the fine grid,"
         f" {share:.0f} % of the picture, each pixel is warped by itself"
