@@ -20,8 +20,8 @@ from .depth import (
     distances_of,
     side_words,
 )
-from .drawing import ICON_PX, paragraph
-from .fitting import TEXT_MARGINS_PX, first_that_fits, fits
+from .drawing import paragraph
+from .fitting import ICON_PX, TEXT_MARGINS_PX, first_that_fits, fits
 from .results import KnownDepth, result_of
 from .screen_here import STEREO_REPROJECT_OT_set_screen_here, is_out
 from .stereo import depth_of_cuts, is_comfortable, parallax_now, viewing_conditions

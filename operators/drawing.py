@@ -22,7 +22,7 @@ from ..stereo_reproject.report.verdict import (
 )
 from ..stereo_reproject.words import Words
 from . import second_blender
-from .fitting import TEXT_MARGINS_PX, first_that_fits, fits, room_for_text, text_width
+from .fitting import ICON_PX, TEXT_MARGINS_PX, first_that_fits, fits, room_for_text, text_width
 from .frames_shown import draw_frame
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_shown, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
@@ -34,9 +34,6 @@ from .slots import content_now
 from .stereo import is_set_anew
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
-
-ICON_PX = 24.0
-"""Pixels that an icon before a text takes at a scale of 1: Blender's unit of its interface, 20, and a gap."""
 
 NAME_SHARE = 0.6
 """Share of a row of figures that its name takes, so that figures of several rows stand below each other; less where the

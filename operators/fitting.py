@@ -21,6 +21,9 @@ margins of panel, box and text, as seen in Blender 5.2 (tests/gui/drive_widths.p
 TEXT_MARGINS_PX = 16.0
 """Pixels to the left and right of a label's text, together, at a scale of 1."""
 
+ICON_PX = 24.0
+"""Pixels that an icon before a text takes at a scale of 1: Blender's unit of its interface, 20, and a gap."""
+
 USUAL_WIDTH_PX = 300.0
 """Pixels that a panel is taken to be wide where there is no region."""
 

@@ -15,6 +15,7 @@ from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.words import Words
 from . import wiggling
+from .fitting import ICON_PX, first_that_fits
 from .jobs import running
 from .looking import pair_editor
 from .pictures import FRAMES, SHOWN_FRAME, frame_shown, frames_image, image_editors, kind_of, render_result
@@ -135,7 +136,8 @@ def draw_frame(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     space = context.space_data
     of_editor = space is not None and space.type == "IMAGE_EDITOR"
     images = [space.image] if of_editor else [area.spaces.active.image for _, area in image_editors()]
-    text = shown(Words("Look at Frame {frame}", frame=frame))
+    texts = Words("Look at Frame {frame}", frame=frame), Words("Frame {frame}", frame=frame)
+    text = first_that_fits(context, tuple(map(shown, texts)), 1.0, ICON_PX)
     depress = frame in [frame_shown(image) for image in images]
     layout.operator(STEREO_REPROJECT_OT_look_at_frame.bl_idname, text=text, icon="CAMERA_STEREO", depress=depress)
 
