@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 from ..images.contrast import Contrast, box_sum
 from ..images.denoising import Denoising
 from ..images.effects_pass import materials_of
+from ..images.left_noise import left_noise
 from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged_channel, tone, untone
-from ..images.passes import NOISY_PASS
+from ..images.passes import COLOUR_PASS, NOISY_PASS
 from .bias import SourceNoise, bias_of
-from .evidence import DeliveredNoise, ProbeTraces, TileEvidence, delivered_noise, measure_tiles
+from .evidence import DeliveredNoise, ProbeTraces, TileEvidence, measure_tiles
 from .probes import Probes
 from .target import Provenance, Target
 from .tuning import TUNING
@@ -55,7 +56,7 @@ class DenoisedEstimator:
         target.colour[probes.mask] = traces.warped
         _, once, again = traces.toned(traces.finite)
         source = source_noise(probes, target.colour, target.passes[NOISY_PASS], target.warped)
-        delivered = delivered_noise(once - again, probes.weight, self.denoising.remaining_noise, seen=source.variance)
+        delivered = self._delivered(probes, once - again, target)
         heard, noise = self._heard(probes, traces, delivered, source)
         # A pilot's probes keep the warped colour too.
         warped = target.warped | target.any_of(Provenance.PROBE)
@@ -78,6 +79,20 @@ class DenoisedEstimator:
         )
         return target, evidence
 
+    def _delivered(self, probes: Probes, difference: NDArray[np.float64], target: Target) -> DeliveredNoise:
+        """Return the noise of the finished picture. difference (N, 3 or 4) is that of the probes' two traces, as they
+        are judged: the denoiser leaves all of alpha's noise.
+        """
+        mean = probes.neighbourhood_mean
+        light, alpha = (_variance(difference[:, of]) for of in (slice(COLOUR_CHANNELS), slice(COLOUR_CHANNELS, None)))
+        known = target.warped & ~probes.mask
+        left = left_noise({NOISY_PASS: target.passes[NOISY_PASS], COLOUR_PASS: target.colour}, known)
+        side = TUNING.source_noise_reach_tiles * probes.spacing
+        near = probes.rows, probes.columns
+        of_light = box_sum(left, (side, side))[near] / np.maximum(box_sum(known, (side, side))[near], 1.0)
+        whole = self.denoising.left_noise + float(np.average(alpha, weights=probes.weight))
+        return DeliveredNoise(of_light, mean(alpha), whole, mean(light + alpha))
+
     def _heard(
         self, probes: Probes, traces: ProbeTraces, delivered: DeliveredNoise, source: SourceNoise
     ) -> tuple[ProbeTraces, SourceNoise]:
@@ -93,9 +108,9 @@ class DenoisedEstimator:
         mean = probes.neighbourhood_mean
         all_light = [trace[:, :COLOUR_CHANNELS] - colour - source.shift for trace in seen]
         # The denoiser leaves alpha's noise, which both the warped and the traced pixels have.
-        of_alpha = mean(_variance(seen[0][:, COLOUR_CHANNELS:] - seen[1][:, COLOUR_CHANNELS:]))
+        of_alpha = delivered.alpha
         share = np.ones(colour.shape[0])
-        kept = mean(delivered.variance) - of_alpha
+        kept = mean(delivered.light)
         heard, noise = all_light, mean(_variance(all_light[0] - all_light[1]))
         if traces.reflected is not None:
             apart = traces.reflected

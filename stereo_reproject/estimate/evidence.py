@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast
-from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged, squared_error
+from ..images.metrics import channel_mean, judged, squared_error
 from ..settings.accuracy import ROUNDING_VARIANCE
 from .probes import Probes
 from .shown_materials import ShownMaterials, materials_by_tile
@@ -95,9 +95,10 @@ class TileEvidence:
     shows. pixels: number of the tile's warped pixels, which tracing it costs. area: their summed weight; at most their
     number, and less where pixels are smaller than elsewhere. contrast: their contrast, summed by weight, above 0, to
     which an unknown excess is taken to be proportional. frame_area: summed weight of the whole picture. materials:
-    those that the tiles show, None if unknown. remaining_noise: variance of a denoised pixel over that of a traced one,
-    1 where nothing is denoised. told_noise: variance of what each trace of a denoised picture's probe tells, averaged
-    over the probes around it; None where nothing is denoised.
+    those that the tiles show, None if unknown. The others are None where nothing is denoised. traced_noise: variance
+    (N,) of a traced pixel, which is not denoised yet. told_noise: variance (N,) of what each trace of a probe tells,
+    averaged over the probes around it. whole_noise: variance of a pixel of the delivered picture, averaged over all of
+    the frame.
     """
 
     probes: Probes
@@ -112,8 +113,9 @@ class TileEvidence:
     refined: NDArray[np.bool_]
     frame_area: float
     materials: ShownMaterials | None = None
-    remaining_noise: float = 1.0
+    traced_noise: NDArray[np.float64] | None = None
     told_noise: NDArray[np.float64] | None = None
+    whole_noise: float | None = None
 
     @property
     def mean_noise(self) -> float:
@@ -137,16 +139,10 @@ class TileEvidence:
         return self.remaining - self.smoothed_noise
 
     @property
-    def traced_noise(self) -> float:
-        """Variance of a pixel as it is traced over that of a pixel of the delivered picture: above 1 where that is
-        denoised."""
-        return 1.0 / self.remaining_noise
-
-    @property
     def frame_noise(self) -> float:
         """Sum by weight, over all pixels of the frame, of the squared difference to be expected between two plain
         renders of it: 0 without any noise, else at least what rounding for a display makes it."""
-        noise = self.mean_noise
+        noise = self.mean_noise if self.whole_noise is None else self.whole_noise
         return 2.0 * max(noise, ROUNDING_VARIANCE) * self.frame_area if noise else 0.0
 
 
@@ -167,7 +163,7 @@ def measure_tiles(
     """
     w, a, b = traces.toned(traces.finite)
     told = channel_mean((a - b) ** 2) / 2.0
-    noise = told if delivered is None else delivered.variance
+    noise = told if delivered is None else delivered.light + delivered.alpha
     share = _heard_share(probes, told)
     expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise + MIN_CONTRAST, 0.0)
     expected *= probes.of_pixels
@@ -180,43 +176,28 @@ def measure_tiles(
         remaining=excess,
         smoothed_noise=probes.weight * share * smoothed * told,
         noise=_heard_share(probes, noise) * noise,
-        seen_noise=probes.tile_mean(contrast.noise, warped) if delivered is None else delivered.seen,
+        seen_noise=probes.tile_mean(contrast.noise, warped) if delivered is None else noise,
         pixels=probes.tile_sum(warped),
         area=probes.weighted_sum(warped),
         contrast=probes.tile_sum(expected),
         refined=np.zeros(w.shape[0], bool),
         frame_area=probes.frame_weight,
         materials=None if materials is None else _materials_in(probes, materials, expected, excess),
-        remaining_noise=1.0 if delivered is None else delivered.share,
+        traced_noise=None if delivered is None else delivered.traced,
         told_noise=None if delivered is None else probes.neighbourhood_mean(told),
+        whole_noise=None if delivered is None else delivered.whole,
     )
 
 
 @dataclass(frozen=True)
 class DeliveredNoise:
-    """Noise of a denoised picture at its probes: the variance (N,) of a pixel, and the share that it is of a traced
-    pixel's, of all probes together. seen (N,) is in proportion to it, as the source's pixels around show it."""
+    """Noise of a denoised picture: the variance of a pixel's light and of its alpha around each of N probes, of both as
+    a mean over all of the frame (whole), and of both in a traced pixel around each probe."""
 
-    variance: NDArray[np.float64]
-    share: float
-    seen: NDArray[np.float64]
-
-
-def delivered_noise(
-    difference: NDArray[np.float64], weight: NDArray[np.float64], remaining_noise: float, *, seen: NDArray[np.float64]
-) -> DeliveredNoise:
-    """Return the noise that a denoised picture has at its probes, whose weights are weight (N,); seen (N,) is as in
-    `DeliveredNoise`.
-
-    difference (N, 3 or 4) is that of the two traces, as they are judged. Of light's noise, remaining_noise is left by
-    the denoiser, which leaves all of alpha's.
-    """
-    light = channel_mean(difference[:, :COLOUR_CHANNELS] ** 2) / 2.0
-    alpha = channel_mean(difference[:, COLOUR_CHANNELS:] ** 2) / 2.0
-    noise = remaining_noise * light + alpha
-    if alpha.any():
-        remaining_noise = float((weight * noise).sum() / (weight * (light + alpha)).sum())
-    return DeliveredNoise(noise, remaining_noise, seen)
+    light: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    whole: float
+    traced: NDArray[np.float64]
 
 
 def _materials_in(
@@ -287,9 +268,12 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     known[done.pixels] = finite
     error = np.zeros(known.shape)
     error[known] = squared_error(done.warped[finite], done.traced[finite])
-    counted = evidence.probes.weighted_sum(known * (done.variance_share + evidence.traced_noise))
+    warped, traced = (evidence.probes.weighted_sum(known * share) for share in (done.variance_share, 1.0))
     off = evidence.probes.weighted_sum(error)
-    excess, found = off - noise * counted, off - evidence.neighbourhood_noise * counted
+    excess, found = (
+        off - here * warped - (here if evidence.traced_noise is None else evidence.traced_noise) * traced
+        for here in (noise, evidence.neighbourhood_noise)
+    )
     taken = evidence.remaining if done.outliers is None else np.where(done.outliers, found, evidence.remaining)
     return replace(
         evidence,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.metrics import WRONG_TILE_RATIO
+from ..images.tuning import TUNING
 from ..settings.accuracy import DISPLAY_STEP, ROUNDING_VARIANCE
 from .evidence import TileEvidence
 
@@ -85,10 +86,11 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
     Both are (K + 1,): entry k is for the first k of the tiles `order` (K,) traced, entry 0 for none of them. order has
     indices of tiles. Tiles that are refined already count as the evidence has them. The error is that of a ratio of two
     sums over the same probes (linearized), each tile a stratum; where the noise is that of rounding, it is known, and
-    has no part in the error.
+    has no part in the error. That of a denoised picture has a relative error of its own.
     """
     noise, weight = evidence.frame_noise, evidence.probes.weight
-    off = evidence.noise - evidence.mean_noise if evidence.mean_noise > ROUNDING_VARIANCE else np.zeros_like(weight)
+    told_by_probes = evidence.whole_noise is None and evidence.mean_noise > ROUNDING_VARIANCE
+    off = evidence.noise - evidence.mean_noise if told_by_probes else np.zeros_like(weight)
     gone = np.concatenate([[0.0], np.cumsum(evidence.remaining[order])])
     excess = (evidence.remaining.sum() - gone) / noise
     share = 2.0 * evidence.frame_area * weight * off / weight.sum() / noise
@@ -98,6 +100,8 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
     squares = np.sum(own**2) - np.concatenate([[0.0], np.cumsum(taken**2)])
     products = np.sum(own * share) - np.concatenate([[0.0], np.cumsum(taken * share[order])])
     variance = squares - 2.0 * excess * products + excess**2 * np.sum(share**2)
+    if evidence.whole_noise is not None and evidence.whole_noise > ROUNDING_VARIANCE:
+        variance += (TUNING.left_noise_error * excess) ** 2
     return excess, np.sqrt(np.maximum(variance, 0.0))
 
 

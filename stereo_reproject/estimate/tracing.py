@@ -13,7 +13,7 @@ from ..holes.reprojection import WarpedHoles
 from ..images.denoising import Denoising
 from ..images.effects_pass import differ_in_reflected_light, effects_of
 from ..images.lookup import variance_share
-from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes, filtered
+from ..images.passes import COLOUR_PASS, EFFECTS_PASS, VIEW_DEPENDENT_PASS, Passes, filtered
 from ..images.seen_light import scaled_light
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy
@@ -354,8 +354,22 @@ def _reflected_light(
         *traced,
         # As `warp.composite` looks the pass up, if nobody asked for another lookup.
         variance_share=variance_share(x[None], y[None])[0],
-        tells=differ_in_reflected_light(effects_of(passes)[place]),
+        tells=differ_in_reflected_light(effects_of(passes)[place]) & _all_differ_in_reflected_light(once, again),
     )
+
+
+def _all_differ_in_reflected_light(*traces: Passes) -> NDArray[np.bool_]:
+    """Return which pixels (N,) show in none of their traces, whose passes (N, C) are given, what looks different from
+    each eye in other than reflected light; where a trace tells no effects, it has no say.
+
+    The warp may have missed something that a pixel shows, as where the surface is hardly there: then it is not where
+    the depth pass says.
+    """
+    told = [effects_of(passes) for passes in traces if EFFECTS_PASS in passes]
+    every = np.ones(len(traces[0][COLOUR_PASS]), bool)
+    for flags in told:
+        every &= differ_in_reflected_light(flags)
+    return every
 
 
 def _unrefined(target: Target, accuracy: Accuracy, pilot: TileEvidence | None) -> Refinement:

@@ -30,7 +30,8 @@ MAX_FLOAT32_NUMBERS = 1 << 24
 def effects_pass(
     passes: Passes, attributes: Mapping[str, str], materials: Mapping[str, Effect], *, layer: str
 ) -> NDArray[np.float32] | None:
-    """Return EFFECTS_PASS: the `Effect` flags (H, W, 1) of all materials that each pixel shows.
+    """Return EFFECTS_PASS: the `Effect` flags (H, W, 1) of all materials that each pixel shows; of pixels (N, C) one by
+    one, (N, 1).
 
     passes hold the cryptomatte of the view layer called `layer`; attributes are the texts of the file that they were
     read from; materials has the effects of each material by its name. A material counts where it covers at least

@@ -58,22 +58,23 @@ class ImagesTuning:
     """Pixels each way from refined tiles within which warped colours are blended with the target's own denoised ones.
     By hand, about the width of a tile: with it the edges of tiles no longer show on living-room's floor, and its noise
     ratio falls from 1.137 to 1.128 (docs/production.md)."""
-    denoise_window_px: tuple[int, int] = (96, 120)
-    """Height and width of each part of the source that is denoised twice more to measure the noise that is left. By
-    hand: without `window_margin_px` on either side, half of the height and more of the width are still read."""
-    denoise_windows: tuple[int, int] = (2, 4)
-    """Number of those parts, down and across. By hand; on living-room, classroom and bathroom the noise that they find
-    to be left is 0.77, 0.81 and 1.14 times that between two renders (docs/production.md)."""
+    left_noise_share: float = 0.55
+    """Variance that a denoiser leaves of noise, over what `images/left_noise` makes of noise and detail. By measurement
+    on five scenes at 960 x 540 with 64 samples, where it is 0.47 to 0.67 (docs/production.md); smaller pictures have
+    more: 0.55 to 0.95 at 320 x 180."""
+    left_noise_error: float = 0.3
+    """Standard error of that, as a share of it. By measurement on the same pictures and smaller ones, with 16 to 256
+    samples."""
+    left_noise_reach_px: int = 2
+    """Pixels each way over which the noise of a picture is averaged for that. By hand: with one or three it differs by
+    as much from scene to scene."""
+    left_noise_detail_reach_px: int = 1
+    """Pixels each way from whose mean a pixel differs by its detail. By measurement on ten pictures: with two, what the
+    denoiser leaves varies more from scene to scene (log deviation 0.30 in place of 0.27)."""
     denoise_sides_px: int = 32
     """Columns of the other side that the denoiser sees beyond each side of a picture of a whole turn. By measurement on
     classroom: with none the sides differ by 2.3 times as much as they do in the middle of a picture, with these by 1.04
     times (docs/accuracy.md)."""
-    window_margin_px: int = 24
-    """Pixels along the border of such a part that are not read: the denoiser sees less around them than it does in the
-    whole picture. By hand."""
-    min_remaining_noise: float = 1e-4
-    """Share of the variance that denoising is taken to leave at least. By hand: far below the 2 to 5 % that were
-    measured (docs/production.md), so that it only keeps later divisions from zero."""
 
     # Materials that a pixel shows
     min_material_coverage: float = 0.1

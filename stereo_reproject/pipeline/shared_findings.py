@@ -41,10 +41,6 @@ class SharedFindings:
         """
         return known
 
-    def remaining_noise(self, find: Callable[[], float]) -> float:
-        """Return the share, 0 to 1, of a pixel's variance that denoising leaves; `find` measures it on this frame."""
-        return find()
-
     def gpu_is_faster(self, find: Callable[[], bool]) -> bool:  # noqa: ARG002 - for animations
         """Return whether the GPU warps faster than NumPy: False for a frame on its own, which is not measured.
 

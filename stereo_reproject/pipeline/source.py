@@ -9,13 +9,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.denoising import Denoising, denoise_source, remaining_noise
+from ..images.denoising import Denoising, denoise_source
+from ..images.left_noise import left_noise
+from ..images.metrics import weighted_mean
 from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes, without_internal_passes
 from ..images.reflected_light import without_sparks
 from ..images.seen_light import display_scale, scaled_light
 from ..settings.accuracy import Accuracy, for_denoised, for_size
 from ..trace.fill import SourceCost
 from ..views.camera import goes_round
+from ..views.solid_angle import pixel_weights
 from ..warp.composite import not_numbers, replace_non_finite
 from ..warp.rendered_view import RenderedView
 from .stages import Stage
@@ -90,7 +93,8 @@ def render_source(
     seen = RenderedView(task.source, passes, invalid, cost)
     del passes
     if denoising is not None and probed:
-        denoising = _measured(denoising, seen.passes, task)
+        noise = weighted_mean(left_noise(seen.passes), pixel_weights(task.source.camera))
+        denoising = replace(denoising, left_noise=noise)
     return Source(seen, scale, lost, denoising, accuracy)
 
 
@@ -113,10 +117,3 @@ def _rendered(task: FrameTask, *, probed: bool) -> tuple[Passes, SourceCost]:
     synced_before = max(look[1].sync_seconds - cost.sync_seconds, 0.0)
     watch.move(synced_before, Stage.LOOK, Stage.SOURCE)
     return passes, SourceCost(cost.seconds + synced_before, cost.sync_seconds + synced_before)
-
-
-def _measured(denoising: Denoising, passes: Passes, task: FrameTask) -> Denoising:
-    """Return the denoiser with the noise that it leaves in these passes, measured or found by another frame: the
-    probes' estimate needs it."""
-    find = partial(remaining_noise, passes, denoising.denoise)
-    return replace(denoising, remaining_noise=task.findings.remaining_noise(find))

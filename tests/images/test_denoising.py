@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from stereo_reproject.images.contrast import box_sum
-from stereo_reproject.images.denoising import Denoising, denoise_source, denoise_target, remaining_noise
+from stereo_reproject.images.denoising import Denoising, denoise_source, denoise_target
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
-from stereo_reproject.images.tuning import TUNING
 
 NOISE = 0.05
-LEFT_TOLERANCE = 0.2
-"""Relative error that the measured share may have: the windows hold some ten thousand independent means."""
 
 
 def blurred(pictures, reach=2):
@@ -24,71 +21,12 @@ def blurred(pictures, reach=2):
     return result
 
 
-def in_blocks(pictures, side):
-    """The mean over each block of side x side pixels: denoised once more, nothing changes, as with a real denoiser."""
-    result = []
-    for picture in pictures:
-        colour = picture[NOISY_PASS][..., :3].copy()
-        rows, columns = (np.arange(size) // side for size in colour.shape[:2])
-        blocks = rows[:, None] * (columns[-1] + 1) + columns
-        count = np.bincount(blocks.ravel())
-        for k in range(3):
-            colour[..., k] = (np.bincount(blocks.ravel(), colour[..., k].ravel()) / count)[blocks]
-        result.append(colour)
-    return result
-
-
 def picture(shape=(256, 480), *, noise=NOISE, seed=1):
     rng = np.random.default_rng(seed)
     colour = np.full((*shape, 4), 0.5, np.float32)
     colour[..., :3] += rng.normal(0.0, noise, (*shape, 3)).astype(np.float32)
     nothing = np.zeros((*shape, 3), np.float32)
     return {COLOUR_PASS: colour, NOISY_PASS: colour.copy(), ALBEDO_PASS: nothing, NORMAL_PASS: nothing}
-
-
-def squared_slope(light):
-    """The square of the slope of x / (1 + x)."""
-    return (1.0 + light) ** -4
-
-
-@pytest.mark.parametrize("side", [2, 4, 8])
-def test_the_share_of_noise_that_is_left_is_found_without_another_render(side):
-    source = picture()
-    clean = source[COLOUR_PASS].copy()
-    clean[..., :3] = in_blocks([source], side)[0]
-    left = remaining_noise({**source, COLOUR_PASS: clean}, lambda pictures: in_blocks(pictures, side))
-    assert left == pytest.approx(side**-2, rel=LEFT_TOLERANCE)
-
-
-def test_detail_that_denoising_takes_away_is_no_noise():
-    side = 4
-    source = picture()
-    clean = np.full_like(source[COLOUR_PASS], 0.5)
-    stripes = np.tile(np.float32([0.3, -0.3]), clean.shape[1] // 2)[None, :, None]
-    clean[..., :3] += stripes
-    source[NOISY_PASS][..., :3] += stripes
-    left = remaining_noise({**source, COLOUR_PASS: clean}, lambda pictures: in_blocks(pictures, side))
-    # The blocks have the stripes' middle tone, where tone mapping squeezes noise more than it does on the stripes.
-    squeezed = squared_slope(0.5) / np.mean([squared_slope(0.8), squared_slope(0.2)])
-    assert left == pytest.approx(side**-2 * squeezed, rel=LEFT_TOLERANCE)
-
-
-def test_a_denoiser_that_does_nothing_leaves_all_of_it():
-    source = picture()
-    assert remaining_noise(source, lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures]) == 1.0
-
-
-@pytest.mark.parametrize("shape", [(300, 520), (128, 160), (9, 11), (1, 1), (2000, 30)])
-def test_a_picture_of_any_size_has_windows(shape):
-    sizes = []
-
-    def denoise(pictures):
-        sizes.extend(p[NOISY_PASS].shape[:2] for p in pictures)
-        return blurred(pictures)
-
-    left = remaining_noise(picture(shape), denoise)
-    assert 0.0 < left <= 1.0
-    assert set(sizes) == {TUNING.denoise_window_px if len(sizes) == 2 * int(np.prod(TUNING.denoise_windows)) else shape}
 
 
 def test_the_source_keeps_its_alpha_and_its_noisy_pixels():

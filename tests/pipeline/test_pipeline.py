@@ -323,28 +323,27 @@ def test_the_colour_is_looked_up_as_its_noise_has_it_unless_told_otherwise(denoi
         assert np.any(mixed != linear["Combined"][both])
 
 
-def test_what_another_frame_has_found_is_not_looked_for_again():
+def test_a_frame_s_cost_is_found_once_and_chosen_by_what_is_known():
     class Known(SharedFindings):
-        def __init__(self, left):
-            self.left, self.found = left, []
+        found = ()
 
         def cost(self, found):
-            self.found.append(found)
+            self.found = (*self.found, found)
             return found
 
-        def remaining_noise(self, find):
-            return self.left or find()
+    renderer, findings = caster(noise=0.1), Known()
+    renderer.view_dependent, renderer.denoise = ("a mirror",), Denoiser()
+    render_stereo_frame(renderer, settings(), findings=findings)
+    assert [cost.seconds for cost in findings.found] == [renderer.cost.seconds]
 
-    given, estimates = [], []
-    for findings in (None, Known(None), Known(0.5)):
-        renderer = caster(noise=0.1)
-        renderer.view_dependent, renderer.denoise = ("a mirror",), Denoiser()
-        frame = render_stereo_frame(renderer, settings(), findings=findings)
-        given.append(len(renderer.denoise.given))
-        estimates.append(frame.refinement.estimate)
-        assert findings is None or [cost.seconds for cost in findings.found] == [renderer.cost.seconds]
-    assert given[0] == given[1] == given[2] + 1
-    assert estimates[0] == estimates[1] != estimates[2]
+
+def test_the_source_is_denoised_once():
+    """What the denoiser leaves is told by the picture, and not by denoising parts of it again."""
+    renderer = caster(noise=0.1)
+    renderer.view_dependent, renderer.denoise = ("a mirror",), Denoiser()
+    frame = render_stereo_frame(renderer, settings())
+    assert frame.refinement.estimate is not None
+    assert len(renderer.denoise.given) == 2
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 5.0])

@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ...errors import StereoReprojectError, in_one_line
-from ...images.tuning import TUNING
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
 from ...pipeline.onlooker import Onlooker
@@ -87,12 +85,6 @@ class AgreedFindings(SharedFindings):
             found = measure() if known.source == ASSUMED else known
             agreed = costs_of(self._agree(key, found.numbers), AGREED) or found
         return agreed
-
-    def remaining_noise(self, find: Callable[[], float]) -> float:
-        """Return the agreed share of noise that the denoiser leaves, 0 to 1; `find` is called only if there is none
-        yet.
-        """
-        return float(np.clip(self._found(self._of_block, "noise_left", find), TUNING.min_remaining_noise, 1.0))
 
     def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
         """Return whether the GPU is agreed to warp faster than NumPy; `find` is called only if that is not known

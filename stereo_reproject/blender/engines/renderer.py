@@ -49,7 +49,7 @@ from .portal_sheet import hide_sheet, without_sheet
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
-from .source_render import effects_passes, has_first_sample, render_source_view, single_sample
+from .source_render import effects_in, effects_passes, has_first_sample, render_source_view, single_sample
 from .time_limit import (
     has_time_limit,
     samples_rendered,
@@ -232,6 +232,7 @@ class BlenderRenderer:
         with _noisy(self), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
             if method == "packed":
                 renders, traced = self._traced_together(requests)
+                traced = [self._with_effects(passes, renders[0].attributes) for passes in traced]
                 if len(renders) == 1:
                     pixels = sum(float(np.mean(mask)) for request in requests for mask in request.masks)
                     self._note("packed", renders[0], pixels)
@@ -255,8 +256,14 @@ class BlenderRenderer:
             with self.standing_at(request.view) as eye:
                 rendered, passes = WHOLE_TRACES[method](self.scene, eye, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
+            passes = self._with_effects(passes, rendered.attributes)
             apart.append(with_depth_at(passes, self.cameras[request.view], np.argwhere(mask)))
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
+
+    def _with_effects(self, passes: Passes, attributes: Mapping[str, str]) -> Passes:
+        """Return the passes (N, C) of traced pixels with that of the effects that they show, where their render, whose
+        attributes are given, tells it."""
+        return {**passes, **effects_in(self.scene, self.plan, passes, attributes)}
 
     def _note(self, method: str, rendered: Rendered, share: float) -> None:
         """Note the measurements of a render that traced a share of the frame's pixels; see `TraceRender`."""

@@ -38,14 +38,19 @@ def effects_passes(scene: bpy.types.Scene, plan: EffectsPlan, passes: Passes, at
     """Return the passes of the effects and the materials of each pixel, which the passes and attributes of a source
     tell. They are left out where they are not known, or nothing may look different from each eye.
     """
+    effects = effects_in(scene, plan, passes, attributes)
+    materials = material_pass(passes) if _tells_effects(scene, plan) else None
+    return effects if materials is None else {**effects, MATERIAL_PASS: materials}
+
+
+def effects_in(scene: bpy.types.Scene, plan: EffectsPlan, passes: Passes, attributes: Mapping[str, str]) -> Passes:
+    """Return the pass (..., 1) of the effects that each pixel of a render shows, by its passes (..., C) and attributes.
+    There is none where they do not tell it, or nothing may look different from each eye.
+    """
     if not _tells_effects(scene, plan):
         return {}
-    layer = rendered_layer(scene).name
-    found = {
-        EFFECTS_PASS: effects_pass(passes, attributes, plan.materials, layer=layer),
-        MATERIAL_PASS: material_pass(passes),
-    }
-    return {name: image for name, image in found.items() if image is not None}
+    effects = effects_pass(passes, attributes, plan.materials, layer=rendered_layer(scene).name)
+    return {} if effects is None else {EFFECTS_PASS: effects}
 
 
 def _tells_effects(scene: bpy.types.Scene, plan: EffectsPlan) -> bool:

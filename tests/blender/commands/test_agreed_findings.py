@@ -69,9 +69,9 @@ def test_what_is_another_picture_is_measured_anew(findings, other):
 
 
 def test_it_is_kept_apart_from_what_else_is_found(findings):
-    assert findings("first").remaining_noise(lambda: 0.5) == 0.5
+    assert findings("first").view_costs(ViewCosts(1.25, 0.05)) == ViewCosts(1.25, 0.05)
     assert findings("first").gpu_is_faster(lambda: False) is False
-    assert findings("second").remaining_noise(never) == 0.5
+    assert findings("second").view_costs(ViewCosts(2.0, 0.5)) == ViewCosts(1.25, 0.05)
 
 
 def test_all_choose_by_the_costs_of_the_first(findings):
