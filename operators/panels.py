@@ -30,7 +30,7 @@ from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
-    preview_size_of,
+    preview_size_words,
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence
@@ -226,11 +226,7 @@ class _Preview:
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
-        (width, height), is_least = preview_size_of(scene)
-        message = "{width} x {height} pixels for each eye."
-        if is_least:
-            message = "{width} x {height} pixels for each eye, the least that the preferences allow."
-        paragraph(layout, context, Words(message, width=width, height=height))
+        paragraph(layout, context, preview_size_words(scene))
         draw_setting(layout, context, chosen, "preview_samples")
 
 
