@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -19,7 +19,7 @@ from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
 from .run import BackgroundJob, other_windows
-from .run_words import RunProgress, cancelled_words, run_progress, stage_and_saved
+from .run_words import RunProgress, cancelled_words, run_progress, ways_to_say
 from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
@@ -131,7 +131,7 @@ class JobOperator:
         if not self._start(context, self._open_windows):
             return {"CANCELLED"}
         manager = context.window_manager
-        self._told = ""
+        self._told: Sequence[Sequence[str]] = []
         _timers.append(manager.event_timer_add(TICK_SECONDS, window=context.window))
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -161,7 +161,7 @@ class JobOperator:
         run.looks += 1
         now = run_progress(run)
         _shown_progress[:] = [now]
-        self._tell(shown(Words("{far}.  {stage}", far=now.far, stage=stage_and_saved(now))), shown(now.far))
+        self._tell([[shown(line) for line in lines] for lines in ways_to_say(now)])
         under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:
@@ -258,16 +258,15 @@ class JobOperator:
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
-    def _tell(self, text: str, short: str) -> None:
+    def _tell(self, ways: Sequence[Sequence[str]]) -> None:
         """Show a text about progress in every window's status bar, and over the pictures of the run, if it is another
-        than before. Where there is no room for it there, the short one is shown.
+        than before. The first of the ways to say it is its single line; the others are for where that has no room.
         """
         # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
-        if text != self._told:
-            self._told = text
-            line = shown(Words("{text}   |   Esc: Cancel", text=text))
-            _show(line)
-            under_way.say(line, short)
+        if ways != self._told:
+            self._told = ways
+            _show(ways[0][0])
+            under_way.say(ways)
 
 
 def _forget_later(run: BackgroundJob, words: str) -> None:

@@ -171,7 +171,7 @@ def test_every_place_of_the_window_says_the_same(extension, scene, monkeypatch):
     monkeypatch.setattr(jobs, "_running", [run])
     monkeypatch.setattr(jobs, "_shown_progress", [])
     said = []
-    window = SimpleNamespace(_tell=lambda text, _: said.append(text), uses_render_result=True)
+    window = SimpleNamespace(_tell=lambda ways: said.append(ways[0][0]), uses_render_result=True)
     layout = SimpleNamespace(
         progress=lambda *, factor, text: said.append((factor, text)), operator=lambda *_, **__: None
     )
@@ -184,3 +184,21 @@ def test_every_place_of_the_window_says_the_same(extension, scene, monkeypatch):
     assert at_first.startswith("40 %, 42 s left.  Rendering the first eye")
     assert panel_then == (0.41, "41 %, 42 s left")
     assert then.startswith(panel_then[1])
+
+
+@pytest.mark.parametrize(
+    ("room", "lines"),
+    [
+        (200, ["Frame 1 (1 of 6)  13 %.  Rendering the first eye, 9 s saved so far by 1 frame   |   Esc: Cancel"]),
+        (80, ["Frame 1 (1 of 6)  13 %", "Rendering the first eye, 9 s saved so far by 1 frame   |   Esc: Cancel"]),
+        (50, ["Frame 1 (1 of 6)  13 %", "Rendering the first eye   |   Esc: Cancel"]),
+        (25, ["Frame 1 (1 of 6)  13 %", "Esc: Cancel"]),
+        (5, ["Frame 1 (1 of 6)  13 %", "Esc: Cancel"]),
+    ],
+)
+def test_a_narrow_image_editor_says_how_to_cancel_too(extension, room, lines):
+    from stereo_reproject_extension.operators.progress_line import way_that_fits
+    from stereo_reproject_extension.operators.run_words import RunProgress, ways_to_say
+
+    now = RunProgress(0.13, "Frame 1 (1 of 6)  13 %", "Rendering the first eye", "9 s saved so far by 1 frame")
+    assert way_that_fits(ways_to_say(now), room, len) == lines
