@@ -187,7 +187,7 @@ def _saved_by(totals: Mapping[str, Any], one: str, more: str) -> Verdict:
     frame and for several.
     """
     saved, count = saved_by_animation(totals), totals["frames"]
-    words = Words(one if count == 1 else more, count=count, saved=saved_words(saved))
+    words = Words(one if count == 1 else more, count=count, saved=saved_words(saved, totals["multiview_seconds"]))
     return Verdict(words, good=None if saved <= 0.0 else True)
 
 

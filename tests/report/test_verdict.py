@@ -97,6 +97,18 @@ def test_time_is_said_in_plain_words(seconds, words):
     assert saved_words(seconds) == words
 
 
+@pytest.mark.parametrize(
+    ("seconds", "plain", "words"),
+    [
+        (17.0, 43.0, "17 s saved of 43 s (40 %)"),
+        (0.2, 300.0, "0.2 s saved of 5 min (0 %)"),
+        (-12.2, 43.0, "No time saved: 12 s longer"),
+    ],
+)
+def test_it_is_said_of_what_the_time_is_saved(seconds, plain, words):
+    assert saved_words(seconds, plain) == words
+
+
 def test_a_duration_never_has_sixty_of_a_unit():
     assert not any("60 " in duration(0.1 * tenth) for tenth in range(90_000))
 
@@ -193,7 +205,7 @@ def test_a_preview_claims_no_gain_of_its_own():
     assert quality_of(report(), preview=True) == Verdict("As good as rendering both eyes of this preview", good=True)
     not_as_good = "Not as good as rendering both eyes of this preview: "
     assert quality_of(report(kept=False), preview=True).words.startswith(not_as_good)
-    assert time_words(seconds()) == "35 s saved"
+    assert time_words(seconds()) == "35 s saved of 1 min 45 s (33 %)"
     assert time_words(seconds(), full_gain=1.5) == predicted_words(1.5)
 
 
