@@ -28,7 +28,10 @@ PICTURES = {
     "ERRORS": (
         "estimate.png",
         UNCERTAIN_AREAS,
-        "Where the second eye is off by more than noise, as far as spot checks tell",
+        (
+            "Where the second eye is still off by more than noise, as far as spot checks tell, after the uncertain areas"
+            " that they found were rendered again"
+        ),
     ),
     "DIFFERENCE": (DIFFERENCE, "Difference", "How far the second eye is from Blender's multiview; needs Compare"),
     OF_PANORAMAS: (

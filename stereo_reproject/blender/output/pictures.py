@@ -44,6 +44,9 @@ ABOVE: tuple[tuple[float, str, tuple[int, int, int]], ...] = (
 )
 """Honest ratios that a tile may be above, with their words and colours in the picture of the estimate."""
 
+NOTHING_LEFT = "None: no area is off by more than noise, or it was rendered again"
+"""Legend of the picture of the estimate where no tile has a colour."""
+
 WITHOUT_PROBES = (95, 95, 105)
 
 DIFFERENCE_GAIN = 4
@@ -131,6 +134,8 @@ def write_estimate(
         for (limit, words, colour), end in zip(ABOVE, ends, strict=True):
             band = (ratio > limit) & (ratio <= end) & (low > 1.0)
             shown.append((f"{words} {100.0 * np.mean(band):.1f} %", colour, band))
+        if not any(band.any() for _, _, band in shown[-len(ABOVE) :]):
+            shown[-len(ABOVE) :] = [(NOTHING_LEFT, ABOVE[0][2], np.zeros_like(unknown))]
     if not shown:
         shown = [("All of it was rendered", ABOVE[0][2], unknown)]
     for _, colour, where in shown:
