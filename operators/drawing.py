@@ -12,6 +12,7 @@ from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
     Verdict,
+    animation_words,
     picture_words,
     quality_of,
     quality_of_animation,
@@ -23,7 +24,7 @@ from ..stereo_reproject.report.verdict import (
 from ..stereo_reproject.words import Words
 from . import second_blender
 from .fitting import ICON_PX, TEXT_MARGINS_PX, first_that_fits, fits, room_for_text, text_width
-from .frames_shown import draw_frame
+from .frames_shown import draw_frame, stays_words
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_shown, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
@@ -132,7 +133,10 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     delivery = result.delivery
     slot = None if delivery.content is None else delivery.content.name
     box = layout.box()
-    name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
+    if result.animation is None:
+        name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
+    else:
+        name = animation_words(slot, delivery.frame, delivery.clock)
     paragraph(box, context, Words("{picture}:", picture=name))
     if not _is_shown(context, delivery):
         paragraph(box, context, "Another picture is shown now.", icon="INFO")
@@ -154,6 +158,9 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         column = layout.column(align=True)
         column.operator(play.bl_idname, text=text, icon="PLAY")
         draw_frame(column, context)
+        stays = stays_words(context)
+        if stays is not None:
+            paragraph(layout, context, stays, icon="INFO")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:

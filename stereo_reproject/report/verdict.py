@@ -284,3 +284,12 @@ def picture_words(slot: str | None, frame: int | None, clock: str, *, preview: b
     message = ", ".join(["{slot}"] * bool(slot) + ["frame {frame}"] * (frame is not None) + ["{clock}"])
     fields = {"slot": slot, "frame": frame, "clock": clock}
     return Words(f"Preview: {message}" if preview else message, **fields)
+
+
+def animation_words(slot: str | None, frame: int | None, clock: str) -> str:
+    """Return the name of an animation: "Animation, 14:32; Slot 1 has its last frame, 48". The parameters are those of
+    `picture_words`, of the frame that was handed over."""
+    if frame is None:
+        return Words("Animation, {clock}", clock=clock)
+    message = "Animation, {clock}; {slot} has its last frame, {frame}" if slot else "Animation, {clock}, to frame {frame}"
+    return Words(message, clock=clock, slot=slot, frame=frame)

@@ -16,6 +16,7 @@ from stereo_reproject.report.verdict import (
     UNPROMISED,
     Verdict,
     accuracy_name,
+    animation_words,
     duration,
     full_render_gain,
     picture_words,
@@ -212,3 +213,15 @@ def test_a_preview_claims_no_gain_of_its_own():
 def test_a_picture_has_a_name():
     assert picture_words("Slot 2", 7, "14:32") == "Slot 2, frame 7, 14:32"
     assert picture_words(None, None, "14:32", preview=True) == "Preview: 14:32"
+
+
+@pytest.mark.parametrize(
+    ("slot", "frame", "words"),
+    [
+        ("Slot 1", 6, "Animation, 09:28; Slot 1 has its last frame, 6"),
+        (None, 6, "Animation, 09:28, to frame 6"),
+        ("Slot 1", None, "Animation, 09:28"),
+    ],
+)
+def test_an_animation_is_not_named_as_its_last_frame_alone(slot, frame, words):
+    assert animation_words(slot, frame, "09:28") == words
