@@ -83,8 +83,8 @@ EXPLANATIONS = {
         _OF_SPEED,
         "Hole rendering, packed: all missing pixels of the picture are rendered together, as one small picture",
         (
-            "Hole rendering, card: the whole picture is rendered behind a card that is open where pixels are missing, so"
-            " that the rest takes next to no time"
+            "Hole rendering, card: the whole picture is rendered behind a card that is open where pixels are missing,"
+            " so that the rest takes next to no time"
         ),
         "Hole rendering, full: the other eye is rendered whole",
         "Saved in all: against rendering both eyes, with loading a copy of the file, measuring and writing counted",

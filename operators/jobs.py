@@ -207,17 +207,20 @@ class JobOperator:
             under_way.give_back()
             self._end_without_result({"ERROR"}, sentence(reported(error)), scene)
             return False
-        result_of(scene).ended = ""
+        result = result_of(scene)
+        result.ended, result.frames_stay = "", False
         return True
 
-    def _end_without_result(self, kind: set[str], words: str, scene: bpy.types.Scene | None) -> None:
-        """Report, as this kind, why a job has no result, and keep it for the scene's panels: the report may be lost
-        with the window that was opened for the job.
+    def _end_without_result(
+        self, kind: set[str], words: str, scene: bpy.types.Scene | None, *, frames_stay: bool = False
+    ) -> None:
+        """Report, as this kind, why a job has no result, and keep it for the scene's panels, with frames_stay that
+        frames of an animation are there: the report may be lost with the window that was opened for the job.
         """
         self.report(kind, words)
         if scene is not None:
             result = result_of(scene)
-            result.ended, result.failed = words, kind == {"ERROR"}
+            result.ended, result.failed, result.frames_stay = words, kind == {"ERROR"}, frames_stay
 
     def _finish(self) -> set[str]:
         """Hand over the result of the run that is over, and return what Blender expects: {"FINISHED"} or {"CANCELLED"}.
@@ -233,8 +236,9 @@ class JobOperator:
         except StereoReprojectError as error:
             if run.cancelled:
                 words = reported(cancelled_words(run))
-                self._end_without_result({"INFO"}, words, _scene_of(run))
-                if run.animation is None or not (run.frames_finished or run.animation.there_already()):
+                stays = run.animation is not None and bool(run.frames_finished or run.animation.there_already())
+                self._end_without_result({"INFO"}, words, _scene_of(run), frames_stay=stays)
+                if not stays:
                     # It says nothing that anyone needs to know for longer.
                     _forget_later(run, words)
             else:

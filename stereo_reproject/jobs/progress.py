@@ -109,8 +109,8 @@ class Progress:
             self._tells = self._tells or done >= MIN_TELLING_SHARE * sum(order.values())
 
     def advance(self, fraction: float | None, now: float) -> None:
-        """Report how much of the current stage is done, from 0 to 1; None where that is not known. Where it is less than
-        before, the stage has begun another render."""
+        """Report how much of the current stage is done, from 0 to 1; None where that is not known. Where it is less
+        than before, the stage has begun another render."""
         if fraction is not None:
             fraction = self._of_renders(fraction)
         self._stage_fraction, self._advanced = fraction, now

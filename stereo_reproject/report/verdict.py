@@ -291,5 +291,7 @@ def animation_words(slot: str | None, frame: int | None, clock: str) -> str:
     `picture_words`, of the frame that was handed over."""
     if frame is None:
         return Words("Animation, {clock}", clock=clock)
-    message = "Animation, {clock}; {slot} has its last frame, {frame}" if slot else "Animation, {clock}, to frame {frame}"
+    message = (
+        "Animation, {clock}; {slot} has its last frame, {frame}" if slot else "Animation, {clock}, to frame {frame}"
+    )
     return Words(message, clock=clock, slot=slot, frame=frame)

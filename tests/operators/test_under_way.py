@@ -131,6 +131,26 @@ def test_a_cancelled_animation_says_how_many_frames_stay(extension, scene, place
     assert "switch off Overwrite" in printed
     first = next(text for text in words if text.startswith("Frame"))
     assert re.match(r"Frame 11 \(1 of 30\)  \d+ %", first)
+    assert _buttons_below(scene)[-2:] == ["render.stereo_reproject_view_animation", "stereo_reproject.look_at_frame"]
+
+
+def _buttons_below(scene):
+    """The operators that the panel has below the last result."""
+    from stereo_reproject_extension.operators.drawing import draw_outcome
+
+    found = []
+
+    class Drawn:
+        def __getattr__(self, _):
+            return lambda *_, **__: self
+
+        def operator(self, name, **_):
+            found.append(name)
+            return self
+
+    context = SimpleNamespace(scene=scene, region=None, space_data=None, preferences=bpy.context.preferences)
+    draw_outcome(Drawn(), context)
+    return found
 
 
 def cancel_at(monkeypatch, condition):
