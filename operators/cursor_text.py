@@ -72,4 +72,4 @@ def _draw() -> None:
     # Below the mouse first: headers lie over the upper edge.
     if bottom < 0.0:
         bottom = shown.at[1] + OFFSET_PX * scale
-    draw_strip((left, bottom), width, left + MARGIN_PX * scale, shown.text, scale)
+    draw_strip((left, bottom), width, left + MARGIN_PX * scale, [shown.text], scale)

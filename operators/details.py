@@ -132,9 +132,9 @@ def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: 
     compare = report.get("compare")
     if compare:
         draw_row(column, "Both eyes rendered", f"{compare['multiview_seconds']:.2f} s")
-        draw_row(column, "Speed, measured", f"{compare['speedup']:.2f} x")
+        draw_row(column, "Speed (measured)", f"{compare['speedup']:.2f} x")
     else:
-        of_what = "Preview's speed" if has_preview(context.scene) else "Speed, predicted"
+        of_what = "Preview's speed" if has_preview(context.scene) else "Speed (estimated)"
         draw_row(column, of_what, f"{report['predicted_speedup']:.2f} x")
     draw_row(column, "Saved in all", f"{saved_seconds(report):.2f} s")
     paragraph(layout, context, fill_words(report["fill"]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
     Verdict,
+    animation_words,
     picture_words,
     quality_of,
     quality_of_animation,
@@ -23,7 +24,7 @@ from ..stereo_reproject.report.verdict import (
 from ..stereo_reproject.words import Words
 from . import second_blender
 from .fitting import ICON_PX, TEXT_MARGINS_PX, first_that_fits, fits, room_for_text, text_width
-from .frames_shown import draw_frame
+from .frames_shown import draw_frame, stays_words
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_shown, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
@@ -41,6 +42,8 @@ figure needs more."""
 
 BUTTON_SCALE = 1.3
 """Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
+
+SET_ANEW = "The camera's stereo settings were changed since: render again to see their effect."
 
 ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 """Icons of a verdict, by `Verdict.good`."""
@@ -127,12 +130,19 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     if result.ended:
         text = Words("{sentence}.", sentence=result.ended.removesuffix("."))
         paragraph(layout, context, text, icon="ERROR" if result.failed else "INFO")
-    if result.delivery is None:
-        return
-    delivery = result.delivery
+    if result.delivery is not None:
+        _draw_result(layout.box(), context, result, result.delivery)
+    if result.animation is not None or result.frames_stay:
+        _draw_frames(layout, context)
+
+
+def _draw_result(box: bpy.types.UILayout, context: bpy.types.Context, result: Result, delivery: Delivery) -> None:
+    """Draw the name of the picture that was handed over, the verdict on the scene's last result, and its warnings."""
     slot = None if delivery.content is None else delivery.content.name
-    box = layout.box()
-    name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
+    if result.animation is None:
+        name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
+    else:
+        name = animation_words(slot, delivery.frame, delivery.clock)
     paragraph(box, context, Words("{picture}:", picture=name))
     if not _is_shown(context, delivery):
         paragraph(box, context, "Another picture is shown now.", icon="INFO")
@@ -142,18 +152,33 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         and report["frame"] == context.scene.frame_current
         and is_set_anew(context.scene, report["stereo"])
     ):
-        paragraph(box, context, "The camera's stereo settings were changed since: render again to see it.", icon="INFO")
+        paragraph(box, context, SET_ANEW, icon="INFO")
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
-    for warning in result.warnings:
+    draw_noted(box, context, result.warnings)
+
+
+def draw_noted(layout: bpy.types.UILayout, context: bpy.types.Context, warnings: Sequence[str]) -> None:
+    """Draw the warnings of a run; that a denoiser is missing is none, as nothing can be done about it in this
+    Blender.
+    """
+    for warning in warnings:
         icon = "INFO" if warning == NO_DENOISER else "ERROR"
-        paragraph(box, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon=icon)
-    if result.animation is not None:
-        play = RENDER_OT_stereo_reproject_view_animation
-        text = first_that_fits(context, (play.bl_label, "View Animation", "View"), 1.0, ICON_PX)
-        column = layout.column(align=True)
-        column.operator(play.bl_idname, text=text, icon="PLAY")
-        draw_frame(column, context)
+        paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon=icon)
+
+
+def _draw_frames(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the buttons that play an animation and look at its frames, and which frame is shown where the present one
+    has no file.
+    """
+    play = RENDER_OT_stereo_reproject_view_animation
+    text = first_that_fits(context, (play.bl_label, "View Animation", "View"), 1.0, ICON_PX)
+    column = layout.column(align=True)
+    column.operator(play.bl_idname, text=text, icon="PLAY")
+    draw_frame(column, context)
+    stays = stays_words(context)
+    if stays is not None:
+        paragraph(layout, context, stays, icon="INFO")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
@@ -187,7 +212,7 @@ def _saved_by(totals: Mapping[str, Any], one: str, more: str) -> Verdict:
     frame and for several.
     """
     saved, count = saved_by_animation(totals), totals["frames"]
-    words = Words(one if count == 1 else more, count=count, saved=saved_words(saved))
+    words = Words(one if count == 1 else more, count=count, saved=saved_words(saved, totals["multiview_seconds"]))
     return Verdict(words, good=None if saved <= 0.0 else True)
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import bpy
 
+from ..stereo_reproject.images.reasons import Reason
+from ..stereo_reproject.words import Words
 from .fitting import fits
 from .text import reported, shown
 
@@ -18,13 +20,34 @@ EYES = "Eyes and Screen"
 
 _OF_ERROR = (
     "Error: how far the second eye is from a rendered one, over how far two renders are apart by their noise alone. At"
-    " 1 it is as good as rendered (honest ratio)"
+    " 1 it is as good as rendered"
 )
 _OF_NOISE = (
     "Error and noise: the same, less the noise that moving pixels has smoothed away. Below 1, the second eye has less"
-    " noise than a rendered one (noise ratio)"
+    " noise than a rendered one"
 )
-_OF_SPEED = "Speed: how many times as fast as rendering both eyes whole, as Blender's multiview does"
+_OF_SPEED = (
+    "Speed: how many times as fast as rendering both eyes whole, as Blender's multiview does. It is measured with"
+    " Compare alone; else the time of both eyes is estimated from that of the rendered eye"
+)
+_OF_REASONS = {
+    Reason.DISOCCLUDED: "something nearer stands before them there",
+    Reason.OUTSIDE: "the first eye's picture ends before them",
+    Reason.SILHOUETTE: "of things nearer than what is behind them, and things as thin as a pixel",
+    Reason.TRANSPARENT: "what is seen through glass is elsewhere than the glass",
+    Reason.VIEW_DEPENDENT: "what looks different from each eye",
+    Reason.VOLUME: "smoke or mist before the sky",
+    Reason.DEFOCUS: "edges that are out of focus",
+    Reason.DETAIL: "so fine that moving its pixels would blur it",
+    Reason.REFINED: (
+        "found by spot checks to be off by more than the accuracy allows. The picture of that name shows what is left"
+        " after they were rendered again"
+    ),
+    Reason.PROBE: "pixels that were rendered to find out how good the others are",
+    Reason.INVALID: "the first eye has no valid colour there",
+    Reason.MOVED: "what has moved since the first eye was rendered, in an animation",
+}
+"""Meanings of the reasons for which pixels are rendered again."""
 
 EXPLANATIONS = {
     EYES: (
@@ -58,13 +81,17 @@ EXPLANATIONS = {
     TIME: (
         "Seconds that each step took",
         _OF_SPEED,
+        "Hole rendering, packed: all missing pixels of the picture are rendered together, as one small picture",
+        (
+            "Hole rendering, card: the whole picture is rendered behind a card that is open where pixels are missing,"
+            " so that the rest takes next to no time"
+        ),
+        "Hole rendering, full: the other eye is rendered whole",
         "Saved in all: against rendering both eyes, with loading a copy of the file, measuring and writing counted",
     ),
     TRACED: (
         "Share of the second eye's pixels that were rendered, by reason; a pixel may have several",
-        "Hidden from the first eye: something nearer stands before them there",
-        "Edges: of things nearer than what is behind them",
-        "Spot checks: pixels that were rendered to find out how good the others are",
+        *(Words("{reason}: {meaning}", reason=Words(each.words), meaning=Words(_OF_REASONS[each])) for each in Reason),
     ),
 }
 """Lines of the tooltips, by heading."""

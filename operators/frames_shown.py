@@ -75,14 +75,16 @@ class STEREO_REPROJECT_OT_look_at_frame(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return whether the present frame's files are there, and no job runs that is about to show its own."""
-        problem = missing_frame(context.scene, context.scene.frame_current)
+        """Return whether the present frame's files are there, or another frame is looked at, and no job runs that is
+        about to show its own.
+        """
+        problem = None if _frames_looked_at(context) else missing_frame(context.scene, context.scene.frame_current)
         cls.poll_message_set(shown(problem or "A stereo job is running: its pictures are shown in the Image Editor"))
         return problem is None and running() is None and context.window is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Show the present frame in the way in which the pair is looked at; where it is shown already, the Render
-        Result; report an error where the files cannot be read.
+        """Show the present frame in the way in which the pair is looked at; where it is shown already, or is not there
+        and another one is shown, the Render Result; report an error where the files cannot be read.
         """
         space = context.space_data
         here = nullcontext() if space is not None and space.type == "IMAGE_EDITOR" else pair_editor()
@@ -97,15 +99,20 @@ class STEREO_REPROJECT_OT_look_at_frame(bpy.types.Operator):
 
 
 def _show(context: bpy.types.Context) -> None:
-    """Show the present frame in the Image Editor of the context, or the Render Result where that frame is shown. Raises
-    BadInputError, StereoReprojectError and OSError.
+    """Show the present frame in the Image Editor of the context, or the Render Result where that frame is shown, or
+    another one in place of a frame that is not there. Raises BadInputError, StereoReprojectError and OSError.
     """
     space, scene = context.space_data, context.scene
     wiggling.end(space)
     mode = mode_of(context) or ANAGLYPH
-    now, result = frame_shown(space.image), render_result()
-    pair = result if now == scene.frame_current and result is not None else _load(scene, scene.frame_current)
-    show(context, pair, mode)
+    now, result, missing = frame_shown(space.image), render_result(), missing_frame(scene, scene.frame_current)
+    goes_back = now is not None and (now == scene.frame_current or missing is not None)
+    if goes_back and result is not None:
+        show(context, result, mode)
+    elif missing is not None:
+        raise BadInputError(missing)
+    else:
+        show(context, _load(scene, scene.frame_current), mode)
 
 
 @bpy.app.handlers.persistent
@@ -130,16 +137,31 @@ def _follow(scene: bpy.types.Scene, *_: Any) -> None:
         print(f"Stereo Reproject cannot show frame {scene.frame_current}: {error}")
 
 
-def draw_frame(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the button that looks at the scene's present frame, pressed where an Image Editor shows that."""
-    frame = context.scene.frame_current
+def _frames_looked_at(context: bpy.types.Context) -> list[int]:
+    """Return the frames that Image Editors show, in an Image Editor that which it shows itself."""
     space = context.space_data
     of_editor = space is not None and space.type == "IMAGE_EDITOR"
     images = [space.image] if of_editor else [area.spaces.active.image for _, area in image_editors()]
+    return [frame for frame in map(frame_shown, images) if frame is not None]
+
+
+def draw_frame(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the button that looks at the scene's present frame, pressed where a second press shows the Render Result."""
+    frame, looked_at = context.scene.frame_current, _frames_looked_at(context)
     texts = Words("Look at Frame {frame}", frame=frame), Words("Frame {frame}", frame=frame)
     text = first_that_fits(context, tuple(map(shown, texts)), 1.0, ICON_PX)
-    depress = frame in [frame_shown(image) for image in images]
+    depress = frame in looked_at or (bool(looked_at) and missing_frame(context.scene, frame) is not None)
     layout.operator(STEREO_REPROJECT_OT_look_at_frame.bl_idname, text=text, icon="CAMERA_STEREO", depress=depress)
+
+
+def stays_words(context: bpy.types.Context) -> str | None:
+    """Return a sentence about the frame that is looked at though the timeline is at another, whose files are not there;
+    None where that is not so.
+    """
+    frame, looked_at = context.scene.frame_current, _frames_looked_at(context)
+    if not looked_at or frame in looked_at or missing_frame(context.scene, frame) is None:
+        return None
+    return Words("Frame {shown} is shown: frame {frame} has no file.", shown=looked_at[0], frame=frame)
 
 
 def watch() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..stereo_reproject.blender.scene.panoramas import has_no_screen, is_panorama
+from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
 from ..stereo_reproject.blender.scene.vr_cameras import check_vr
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.settings.frame import PANORAMAS, SceneOverrides
@@ -57,6 +58,16 @@ def panorama_size(scene: bpy.types.Scene, panorama: str) -> tuple[int, int]:
     width, height = PANORAMAS[panorama]
     wanted = scene.stereo_reproject.headset_height
     return wanted * width // height, wanted
+
+
+def region_to_render(scene: bpy.types.Scene) -> FrameRegion:
+    """Return the pixels of one eye that a full render of the scene has: those of the panorama that the panel asks for,
+    or else the frame of the scene's camera."""
+    panorama = asked_panorama(scene)
+    if panorama is None:
+        return frame_region(scene.render)
+    size = panorama_size(scene, panorama)
+    return FrameRegion(*size, 0, 0, *size)
 
 
 def panorama_obstacle(scene: bpy.types.Scene, engine: str) -> BadInputError | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -19,7 +19,7 @@ from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
 from .run import BackgroundJob, other_windows
-from .run_words import RunProgress, cancelled_words, run_progress, stage_and_saved
+from .run_words import RunProgress, cancelled_words, run_progress, ways_to_say
 from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
@@ -131,7 +131,7 @@ class JobOperator:
         if not self._start(context, self._open_windows):
             return {"CANCELLED"}
         manager = context.window_manager
-        self._told = ""
+        self._told: Sequence[Sequence[str]] = []
         _timers.append(manager.event_timer_add(TICK_SECONDS, window=context.window))
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -161,7 +161,7 @@ class JobOperator:
         run.looks += 1
         now = run_progress(run)
         _shown_progress[:] = [now]
-        self._tell(shown(Words("{far}.  {stage}", far=now.far, stage=stage_and_saved(now))), shown(now.far))
+        self._tell([[shown(line) for line in lines] for lines in ways_to_say(now)])
         under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:
@@ -207,17 +207,20 @@ class JobOperator:
             under_way.give_back()
             self._end_without_result({"ERROR"}, sentence(reported(error)), scene)
             return False
-        result_of(scene).ended = ""
+        result = result_of(scene)
+        result.ended, result.frames_stay = "", False
         return True
 
-    def _end_without_result(self, kind: set[str], words: str, scene: bpy.types.Scene | None) -> None:
-        """Report, as this kind, why a job has no result, and keep it for the scene's panels: the report may be lost
-        with the window that was opened for the job.
+    def _end_without_result(
+        self, kind: set[str], words: str, scene: bpy.types.Scene | None, *, frames_stay: bool = False
+    ) -> None:
+        """Report, as this kind, why a job has no result, and keep it for the scene's panels, with frames_stay that
+        frames of an animation are there: the report may be lost with the window that was opened for the job.
         """
         self.report(kind, words)
         if scene is not None:
             result = result_of(scene)
-            result.ended, result.failed = words, kind == {"ERROR"}
+            result.ended, result.failed, result.frames_stay = words, kind == {"ERROR"}, frames_stay
 
     def _finish(self) -> set[str]:
         """Hand over the result of the run that is over, and return what Blender expects: {"FINISHED"} or {"CANCELLED"}.
@@ -233,8 +236,9 @@ class JobOperator:
         except StereoReprojectError as error:
             if run.cancelled:
                 words = reported(cancelled_words(run))
-                self._end_without_result({"INFO"}, words, _scene_of(run))
-                if run.animation is None or not (run.frames_finished or run.animation.there_already()):
+                stays = run.animation is not None and bool(run.frames_finished or run.animation.there_already())
+                self._end_without_result({"INFO"}, words, _scene_of(run), frames_stay=stays)
+                if not stays:
                     # It says nothing that anyone needs to know for longer.
                     _forget_later(run, words)
             else:
@@ -258,16 +262,15 @@ class JobOperator:
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
-    def _tell(self, text: str, short: str) -> None:
+    def _tell(self, ways: Sequence[Sequence[str]]) -> None:
         """Show a text about progress in every window's status bar, and over the pictures of the run, if it is another
-        than before. Where there is no room for it there, the short one is shown.
+        than before. The first of the ways to say it is its single line; the others are for where that has no room.
         """
         # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
-        if text != self._told:
-            self._told = text
-            line = shown(Words("{text}   |   Esc: Cancel", text=text))
-            _show(line)
-            under_way.say(line, short)
+        if ways != self._told:
+            self._told = ways
+            _show(ways[0][0])
+            under_way.say(ways)
 
 
 def _forget_later(run: BackgroundJob, words: str) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
-from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
 from ..stereo_reproject.blender.scene.rig import check_camera
 from ..stereo_reproject.errors import BadInputError
@@ -15,7 +14,7 @@ from ..stereo_reproject.report.verdict import duration
 from ..stereo_reproject.words import Words
 from .depth_panel import depth_warnings, draw_depth
 from .details import Details, fill_words, made_by
-from .drawing import draw_buttons, draw_outcome, paragraph
+from .drawing import draw_buttons, draw_noted, draw_outcome, paragraph
 from .explained import EYES, draw_heading
 from .fitting import draw_setting, fits
 from .frames_shown import STEREO_REPROJECT_OT_look_at_frame
@@ -30,7 +29,7 @@ from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
-    preview_size_of,
+    preview_size_words,
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence
@@ -41,7 +40,7 @@ from .views_panel import Views
 
 MAX_SHOWN_EFFECTS = 6
 
-DEPTH_WARNED = "The depth is not comfortable to look at: Stereo Camera, below, says why."
+DEPTH_WARNED = "As the camera is set now, the depth is not comfortable to look at: Stereo Camera, below, says why."
 
 HEADER_PX = 40.0
 """Pixels in a panel's header, at a scale of 1, for its triangle and its menu of presets; its grip is in the margins."""
@@ -183,9 +182,7 @@ class _Check:
             paragraph(layout, context, "Something of this was changed since: check again.", icon="ERROR")
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
-        for warning in found["warnings"]:
-            icon = "INFO" if warning == NO_DENOISER else "ERROR"
-            paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon=icon)
+        draw_noted(layout, context, found["warnings"])
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
         """Draw the predicted gain and seconds; `predicted` is the part of that name of a check's findings."""
@@ -226,11 +223,7 @@ class _Preview:
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
-        (width, height), is_least = preview_size_of(scene)
-        message = "{width} x {height} pixels for each eye."
-        if is_least:
-            message = "{width} x {height} pixels for each eye, the least that the preferences allow."
-        paragraph(layout, context, Words(message, width=width, height=height))
+        paragraph(layout, context, preview_size_words(scene))
         draw_setting(layout, context, chosen, "preview_samples")
 
 

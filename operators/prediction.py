@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.scene.rendered import CYCLES
-from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.report.verdict import full_render_gain
 from ..stereo_reproject.words import Words
+from .headset import region_to_render
 from .results import result_of
 
 LEAST_GAIN = 1.05
@@ -32,7 +32,7 @@ def full_gain_of(scene: bpy.types.Scene) -> float | None:
     if found is not None and found["predicted"]["total_seconds"] is not None and is_current(scene, found):
         gain = found["predicted"]["gain"]
         return 0.5 * (gain["low"] + gain["high"])
-    region = frame_region(scene.render)
+    region = region_to_render(scene)
     return full_render_gain(result.report, (region.width, region.height), _samples(scene, result.report["engine"]))
 
 
@@ -40,7 +40,7 @@ def is_current(scene: bpy.types.Scene, found: Mapping[str, Any]) -> bool:
     """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
     accuracy.
     """
-    region = frame_region(scene.render)
+    region = region_to_render(scene)
     now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
     return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == _samples(
         scene, found["engine"]

@@ -1,8 +1,12 @@
-"""The line about a run at the lower edge of the Image Editor that shows it: a window of its own has no status bar."""
+"""The line about a run at the lower edge of the Image Editor that shows it: a window of its own has no status bar.
+Narrow editors have two lines.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 
@@ -11,13 +15,12 @@ from .strip import MARGIN_PX, draw_strip, text_width_px
 
 @dataclass
 class _Line:
-    """The line that is drawn: the address of its editor's area, its text, a short one for narrow editors, and Blender's
-    handle of the drawing.
+    """The line that is drawn: the address of its editor's area, ways to say it in lines, the widest first, and
+    Blender's handle of the drawing.
     """
 
     area: int
-    text: str
-    short: str
+    ways: Sequence[Sequence[str]]
     handler: object
 
 
@@ -25,15 +28,15 @@ _lines: list[_Line] = []
 """The line of the job that is under way, if any."""
 
 
-def show_line(area: bpy.types.Area, text: str, short: str) -> None:
-    """Draw a text over the lower edge of an Image Editor until `remove_line`, in place of the one before; the short one
-    where there is no room for it.
+def show_line(area: bpy.types.Area, ways: Sequence[Sequence[str]]) -> None:
+    """Draw a text over the lower edge of an Image Editor until `remove_line`, in place of the one before, in the first
+    of these ways, each in lines of its own, for which there is room.
     """
     if not _lines:
         handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-        _lines.append(_Line(0, "", "", handler))
+        _lines.append(_Line(0, (), handler))
     line = _lines[0]
-    line.area, line.text, line.short = area.as_pointer(), text, short
+    line.area, line.ways = area.as_pointer(), ways
     _redraw(area)
 
 
@@ -60,10 +63,17 @@ def _draw() -> None:
     area, region = bpy.context.area, bpy.context.region
     if not _lines or area is None or region is None or area.as_pointer() != _lines[0].area:
         return
-    scale, line = bpy.context.preferences.system.ui_scale, _lines[0]
+    scale = bpy.context.preferences.system.ui_scale
     left = _left_of_text(area, region) + MARGIN_PX * scale
-    has_room = left + text_width_px(line.text, scale) < region.width
-    draw_strip((0.0, 0.0), region.width, left, line.text if has_room else line.short, scale)
+    lines = way_that_fits(_lines[0].ways, region.width - left, partial(text_width_px, scale=scale))
+    draw_strip((0.0, 0.0), region.width, left, lines, scale)
+
+
+def way_that_fits(ways: Sequence[Sequence[str]], room: float, measure: Callable[[str], float]) -> Sequence[str]:
+    """Return the first of some ways to say something in lines that are no wider than `room`, or else the last; measure
+    returns the width of a text in the same unit.
+    """
+    return next((lines for lines in ways if all(measure(line) <= room for line in lines)), ways[-1])
 
 
 def _left_of_text(area: bpy.types.Area, region: bpy.types.Region) -> float:

@@ -16,8 +16,8 @@ from .views_properties import StereoReprojectViews
 
 FILLS = {
     "auto": "Whichever is likely to be fastest for this frame on this device",
-    "packed": "Only the missing pixels are rendered, gathered in a small picture",
-    "card": "The missing pixels are rendered through a card with openings (any device)",
+    "packed": "All missing pixels of the picture are rendered together, as one small picture",
+    "card": "The picture is rendered behind a card that is open where pixels are missing (any device)",
     "full": "The other eye is rendered whole, as Blender's multiview does",
 }
 
@@ -109,7 +109,7 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     )
     packed_by: bpy.props.EnumProperty(
         name="Packed by",
-        description="What shoots the rays of missing pixels that are gathered in a small picture",
+        description="The camera that renders the small picture of all missing pixels, where Hole Rendering is Packed",
         items=[(name, *CAMERAS[name]) for name in PACKED_CAMERAS],
         default=StereoSettings.packed_by,
     )
@@ -132,7 +132,7 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     compare: bpy.props.BoolProperty(
         name="Compare",
         description="Also render the pair with Blender's multiview, and measure time and error against it."
-        " Takes about three more renders",
+        " Takes about three more renders: both eyes, and one of them once more, which tells how much is noise",
         default=StereoSettings.compare,
     )
     key_frame_distance: bpy.props.IntProperty(

@@ -44,7 +44,7 @@ from ..stereo_reproject.views.parallax import visible_parallax
 from ..stereo_reproject.words import Words
 from . import under_way
 from .animation_run import Animation
-from .headset import asked_panorama, panorama_size
+from .headset import asked_panorama, panorama_size, region_to_render
 from .jobs import JobOperator
 from .multiview import hand_over_multiview
 from .prediction import full_gain_of, gain_words
@@ -238,7 +238,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine, panorama=panorama, size=own)
     if preview:
         denoise = True if _by_cycles(scene) and has_denoiser(scene) else None
-        size, _ = preview_size_of(scene)
+        size = preview_size_of(scene)
         overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(
         source=chosen.source,
@@ -253,16 +253,23 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     )
 
 
-def preview_size_of(scene: bpy.types.Scene) -> tuple[tuple[int, int], bool]:
-    """Return the width and height in pixels of the whole frame of the scene's preview, as it is set up now, and whether
-    they are more than was asked for, as the preferences have it.
-    """
-    panorama = asked_panorama(scene)
-    own = None if panorama is None else panorama_size(scene, panorama)
-    region = frame_region(scene.render) if own is None else FrameRegion(*own, 0, 0, *own)
+def preview_size_of(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Return the width and height in pixels of the whole frame of the scene's preview, as it is set up now."""
     percentage = scene.stereo_reproject.preview_percentage
-    size = preview_size(region, percentage, preferred("preview_pixels"))
-    return size, size != preview_size(region, percentage, 0)
+    return preview_size(region_to_render(scene), percentage, preferred("preview_pixels"))
+
+
+def preview_size_words(scene: bpy.types.Scene) -> Words:
+    """Return a sentence about the pixels of the scene's preview, and why they are more than was asked for, if they
+    are.
+    """
+    size, region = preview_size_of(scene), region_to_render(scene)
+    message = "{width} x {height} pixels for each eye."
+    if size != preview_size(region, scene.stereo_reproject.preview_percentage, 0):
+        message = "{width} x {height} pixels for each eye, the least that the preferences allow."
+        if size == (region.full_width, region.full_height):
+            message = "{width} x {height} pixels for each eye, as many as the whole picture has."
+    return Words(message, width=size[0], height=size[1])
 
 
 def preview_size(region: FrameRegion, percentage: int, least_px: int) -> tuple[int, int]:

@@ -28,7 +28,10 @@ PICTURES = {
     "ERRORS": (
         "estimate.png",
         UNCERTAIN_AREAS,
-        "Where the second eye is off by more than noise, as far as spot checks tell",
+        (
+            "Where the second eye is still off by more than noise, as far as spot checks tell, after the uncertain"
+            " areas that they found were rendered again"
+        ),
     ),
     "DIFFERENCE": (DIFFERENCE, "Difference", "How far the second eye is from Blender's multiview; needs Compare"),
     OF_PANORAMAS: (
@@ -135,6 +138,8 @@ class Result:
     """Reason in a line for which the last job ended without a result; "" where it has one, or none has ended."""
     failed: bool = False
     """True where that job failed, and was not cancelled."""
+    frames_stay: bool = False
+    """True where that job was an animation that was cancelled when frames of it were there."""
 
     def picture(self, which: str) -> Path | None:
         """Return the path of one of the last pair's pictures, by its key in `PICTURES`; None if there is none."""

@@ -16,6 +16,10 @@ GOES_ON_WITHOUT_OVERWRITE = "To go on with the others, switch off Overwrite in O
 """Ways to go on after a cancelled animation, by its Overwrite."""
 
 
+ESCAPE = "Esc: Cancel"
+"""Key that ends a run, and what it does."""
+
+
 @dataclass(frozen=True)
 class RunProgress:
     """Progress of a run at a moment: how far it is, from 0 to 1 and in words, what it does, and the time that an
@@ -63,6 +67,20 @@ def frame_words(run: BackgroundJob) -> str:
 def stage_and_saved(progress: RunProgress) -> str:
     """Return in words what a run is doing, of an animation with the time saved so far, from its progress."""
     return Words("{stage}, {saved}", stage=progress.stage, saved=progress.saved) if progress.saved else progress.stage
+
+
+def ways_to_say(progress: RunProgress) -> list[list[str]]:
+    """Return the progress of a run, and how to end it, in ways to say it in lines, the widest first. The first has a
+    single line, as the status bar does.
+    """
+    doing = Words("{far}.  {stage}", far=progress.far, stage=stage_and_saved(progress))
+    below = [with_escape(stage_and_saved(progress)), with_escape(progress.stage), Words(ESCAPE)]
+    return [[with_escape(doing)], *([progress.far, line] for line in below)]
+
+
+def with_escape(text: str) -> str:
+    """Return a text about a run with the key that ends it."""
+    return Words("{text}   |   {escape}", text=text, escape=Words(ESCAPE))
 
 
 def stage_alone(run: BackgroundJob) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -71,13 +72,13 @@ def _editor_of_context() -> bpy.types.Area | None:
     return area if area is not None and area.type == "IMAGE_EDITOR" else None
 
 
-def say(text: str, short: str) -> None:
-    """Draw a text about the job over the editor that was chosen for it, if there is one; the short one where there is
-    no room for it.
+def say(ways: Sequence[Sequence[str]]) -> None:
+    """Draw a text about the job over the editor that was chosen for it, if there is one, in the first of these ways,
+    each in lines of its own, for which there is room.
     """
     area = _area_of(_editors[0]) if _editors else None
     if area is not None:
-        show_line(area, text, short)
+        show_line(area, ways)
 
 
 def wanted_pictures(*, first_look: bool) -> Pictures:

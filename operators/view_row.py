@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .fitting import TEXT_MARGINS_PX, fits
+from .jobs import running
 from .looking import STEREO_REPROJECT_OT_look, mode_elsewhere
 from .multiview import draw_sides
 from .view_modes import MODES, WIGGLE, STEREO_REPROJECT_OT_show_view, STEREO_REPROJECT_OT_wiggle, mode_of
@@ -38,13 +39,15 @@ def draw_view_modes(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
 
 def draw_modes_elsewhere(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw, in a panel of another editor, a button for each way to look at the pair in an Image Editor, that of the
-    present one pressed, and the export of a wiggle.
+    present one pressed, and the export of a wiggle; all are grey while a job runs.
     """
     column, grid = _begun(layout, context)
     now = mode_elsewhere()
     for mode, (name, _) in MODES.items():
         grid.operator(STEREO_REPROJECT_OT_look.bl_idname, text=name, depress=now == mode).mode = mode
-    column.operator(STEREO_REPROJECT_OT_export_wiggle.bl_idname, text="Export Wiggle")
+    row = column.row(align=True)
+    row.enabled = running() is None
+    row.operator(STEREO_REPROJECT_OT_export_wiggle.bl_idname, text="Export Wiggle")
 
 
 def _begun(layout: bpy.types.UILayout, context: bpy.types.Context) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:

@@ -7,7 +7,7 @@ import bpy
 from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.report.views_verdict import verdicts_on_views
 from ..stereo_reproject.words import Words
-from .drawing import BUTTON_SCALE, ICONS, paragraph
+from .drawing import BUTTON_SCALE, ICONS, draw_noted, paragraph
 from .fitting import draw_setting
 from .results import DeliveredViews, result_of
 from .text import sentence, shown
@@ -72,7 +72,6 @@ def _draw_views(box: bpy.types.UILayout, context: bpy.types.Context, views: Deli
     paragraph(box, context, Words("Frame {frame}, {clock}:", frame=report["frame"], clock=views.clock))
     for verdict in verdicts_on_views(report):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
-    for warning in report["warnings"]:
-        paragraph(box, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon="ERROR")
+    draw_noted(box, context, report["warnings"])
     paragraph(box, context, str(views.folder), icon="FILE_FOLDER")
     box.operator("wm.path_open", text="Open Folder").filepath = str(views.folder)

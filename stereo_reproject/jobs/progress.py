@@ -46,6 +46,9 @@ MIN_FRACTION_ALONE = 0.2
 """Fraction of a stage from which on a first count of its samples tells so too, since what comes before is then a part
 of it that matters little."""
 
+RENDERS: Mapping[str, int] = {Stage.COMPARE: 3}
+"""Renders of a stage that has several, each of which counts its own samples: multiview's two eyes, and one again."""
+
 MAX_SHOWN_FRACTION = 0.97
 """A stage that takes longer than expected is nearly over, and stays so."""
 
@@ -73,6 +76,10 @@ class Progress:
         self._started = self._since = now
         self._stage = next(iter(self._expected))
         self._stage_fraction: float | None = None
+        self._render_fraction = 0.0
+        """Fraction that was reported last of the present render of the current stage."""
+        self._renders_done = 0
+        """Renders of the current stage before that one."""
         self._advanced = now
         self._first: tuple[float, float] | None = None
         """First fraction of the current stage that was reported, with its time."""
@@ -94,6 +101,7 @@ class Progress:
             # What a stage takes that counts nothing tells nothing of the others.
             self._started += now - self._since
         self._stage, self._since, self._stage_fraction = stage, now, None
+        self._render_fraction, self._renders_done = 0.0, 0
         self._first = self._stage_pace = None
         done = self._done_before()
         if done > 0.0:
@@ -101,7 +109,10 @@ class Progress:
             self._tells = self._tells or done >= MIN_TELLING_SHARE * sum(order.values())
 
     def advance(self, fraction: float | None, now: float) -> None:
-        """Report how much of the current stage is done, from 0 to 1; None where that is not known."""
+        """Report how much of the current stage is done, from 0 to 1; None where that is not known. Where it is less
+        than before, the stage has begun another render."""
+        if fraction is not None:
+            fraction = self._of_renders(fraction)
         self._stage_fraction, self._advanced = fraction, now
         expected = self._expected.get(self._stage, 0.0)
         if fraction is None or expected == 0.0:
@@ -118,6 +129,15 @@ class Progress:
             done, seconds = self._done_before() + expected, now - self._started + (1.0 - fraction) * self._stage_pace
             self._pace = seconds / done
             self._tells = self._tells or done >= MIN_TELLING_SHARE * sum(self._expected.values())
+
+    def _of_renders(self, fraction: float) -> float:
+        """Return how much of the current stage is done, from 0 to 1, when this fraction of its present render is."""
+        if 0.0 < fraction < self._render_fraction:
+            self._renders_done += 1
+        # At the end of a render Cycles says once that it has no samples.
+        self._render_fraction = fraction or self._render_fraction
+        count = max(RENDERS.get(self._stage, 1), self._renders_done + 1)
+        return (self._renders_done + self._render_fraction) / count
 
     def fraction(self, now: float) -> float:
         """Return the fraction of the run that is done, from 0 to 1, and never less than before."""

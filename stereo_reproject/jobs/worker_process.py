@@ -26,7 +26,8 @@ LOG_TAIL_BYTES = 65536
 MAX_LOG_BYTES = 1 << 22
 LAST_WORDS_LENGTH = 240
 SAMPLES_TAIL_BYTES = 2048
-SAMPLES_LINE = re.compile(rb"Sample (\d+)/(\d+)\D")
+SAMPLES_LINE = re.compile(rb"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)\D")
+"""Count of a render's samples in the log; large pictures are rendered in tiles, and each tile counts its own."""
 REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
 """Lines of Blender's log that report progress, or that Blender 5 does not call an error."""
 
@@ -81,6 +82,8 @@ class Worker:
         self._environment = private_environment(work, own_python=self._own_python)
         self._killed = False
         self._stage_begins = 0
+        self._tiles_done = 0.0
+        """Fraction of a render in tiles that is done."""
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         with self.log.open("ab") as log:
             # A group of its own: Ctrl-C on the terminal must reach this process alone.
@@ -156,6 +159,7 @@ class Worker:
 
     def begin_stage(self) -> None:
         """Begin to count samples anew for `samples_done`: those in the log so far belong to earlier stages."""
+        self._tiles_done = 0.0
         with contextlib.suppress(OSError):
             self._stage_begins = self.log.stat().st_size
 
@@ -168,15 +172,29 @@ class Worker:
                 self._stage_begins = 0
 
     def samples_done(self) -> float | None:
-        """Return the fraction of this stage's samples that are rendered, from 0 to 1, as Blender's log has it; None
-        where the log does not say it."""
+        """Return the fraction of this stage's samples that are rendered, from 0 to 1, in all tiles of the picture, as
+        Blender's log has it; None where the log does not say it."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
             samples = SAMPLES_LINE.findall(log.read())
             if samples:
-                done, total = map(int, samples[-1])
-                return done / max(total, 1)
+                counts = [[int(number or 0) for number in line] for line in samples[-2:]]
+                tile, tiles, done, total = counts[-1]
+                if not tiles:
+                    return done / max(total, 1)
+                # As a tile ends, the tiles are counted before its samples begin anew.
+                has_ended = done >= total and counts[0][0] < tile
+                return self._of_tiles(tile, tiles, 0.0 if has_ended else done / max(total, 1))
         return None
+
+    def _of_tiles(self, tile: int, tiles: int, part: float) -> float:
+        """Return the fraction of a render in tiles that is done, never less than before: so many of all tiles, and of
+        one more a part, from 0 to 1."""
+        if tile == 0 and self._tiles_done > 1.0 / tiles:
+            # The stage has another render.
+            self._tiles_done = 0.0
+        self._tiles_done = max(self._tiles_done, (tile + part) / tiles)
+        return self._tiles_done
 
     def last_words(self) -> str:
         """Return the last line in the log that tells something: not empty, and no mere progress report. "" where there

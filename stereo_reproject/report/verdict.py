@@ -199,11 +199,14 @@ def duration(seconds: float) -> str:
     return " ".join(f"{number} {unit}" for number, unit in parts if number)
 
 
-def saved_words(seconds: float) -> str:
-    """Return in words how much time was saved, such as "3 min 10 s saved"; negative seconds are those that were
-    lost."""
+def saved_words(seconds: float, plain: float | None = None) -> str:
+    """Return in words how much time was saved, such as "3 min 10 s saved", or "17 s saved of 43 s (39 %)" where
+    `plain` has the seconds of rendering both eyes; negative seconds are those that were lost."""
     if seconds >= LEAST_SAVED_SECONDS:
-        return Words("{time} saved", time=duration(seconds))
+        if plain is None:
+            return Words("{time} saved", time=duration(seconds))
+        share = f"{100.0 * seconds / max(plain, seconds):.0f}"
+        return Words("{time} saved of {plain} ({share} %)", time=duration(seconds), plain=duration(plain), share=share)
     if seconds > -LEAST_SAVED_SECONDS:
         return Words("No time saved")
     return Words("No time saved: {time} longer", time=duration(-seconds))
@@ -215,9 +218,15 @@ def saved_seconds(report: Mapping[str, Any]) -> float:
     A plain second eye takes as long as the source without its sync, or as long as multiview's did where that was
     measured. From it goes all that the target took, and the loading, measuring and writing that a plain render lacks.
     """
-    seconds, compare = report["seconds"], report.get("compare")
-    multiview = compare["multiview_seconds"] if compare else report["predicted_speedup"] * seconds["total"]
-    return multiview - seconds["total"] - sum(seconds.get(stage, 0.0) for stage in WAITED_FOR)
+    seconds = report["seconds"]
+    return plain_seconds(report) - seconds["total"] - sum(seconds.get(stage, 0.0) for stage in WAITED_FOR)
+
+
+def plain_seconds(report: Mapping[str, Any]) -> float:
+    """Return the seconds that rendering both eyes of a pair takes: as measured by a comparison, or else as reckoned
+    from the rendered eye."""
+    compare = report.get("compare")
+    return compare["multiview_seconds"] if compare else report["predicted_speedup"] * report["seconds"]["total"]
 
 
 def saved_by_animation(totals: Mapping[str, Any]) -> float:
@@ -264,7 +273,9 @@ def predicted_words(gain: float) -> str:
 def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> str:
     """Return in words what a pair has saved. Of a preview, whose full render is predicted to have the gain full_gain,
     return that prediction alone: a preview itself saves nothing that counts."""
-    return saved_words(saved_seconds(report)) if full_gain is None else predicted_words(full_gain)
+    if full_gain is not None:
+        return predicted_words(full_gain)
+    return saved_words(saved_seconds(report), plain_seconds(report))
 
 
 def picture_words(slot: str | None, frame: int | None, clock: str, *, preview: bool = False) -> str:
@@ -273,3 +284,14 @@ def picture_words(slot: str | None, frame: int | None, clock: str, *, preview: b
     message = ", ".join(["{slot}"] * bool(slot) + ["frame {frame}"] * (frame is not None) + ["{clock}"])
     fields = {"slot": slot, "frame": frame, "clock": clock}
     return Words(f"Preview: {message}" if preview else message, **fields)
+
+
+def animation_words(slot: str | None, frame: int | None, clock: str) -> str:
+    """Return the name of an animation: "Animation, 14:32; Slot 1 has its last frame, 48". The parameters are those of
+    `picture_words`, of the frame that was handed over."""
+    if frame is None:
+        return Words("Animation, {clock}", clock=clock)
+    message = (
+        "Animation, {clock}; {slot} has its last frame, {frame}" if slot else "Animation, {clock}, to frame {frame}"
+    )
+    return Words(message, clock=clock, slot=slot, frame=frame)

@@ -27,7 +27,7 @@ def verdicts_on_views(report: Mapping[str, Any]) -> list[Verdict]:
     return [
         Verdict(_counts(report["views"]), good=None),
         _quality(report),
-        Verdict(saved_words(saved), good=True if saved > 0.0 else None),
+        Verdict(saved_words(saved, _plain_seconds(report)), good=True if saved > 0.0 else None),
     ]
 
 
@@ -74,6 +74,11 @@ def _good(honest_ratio: float) -> str:
 def saved_by_views(report: Mapping[str, Any]) -> float:
     """Return the seconds that many views have saved over plain renders of each; negative where they took longer. What
     a plain render does not have, loading and writing, counts against them."""
-    seconds, compare = report["seconds"], report.get("compare")
-    plain = compare["plain_seconds"] if compare else report["predicted_speedup"] * seconds["total"]
-    return plain - seconds["total"] - sum(seconds.get(stage, 0.0) for stage in WAITED_FOR)
+    seconds = report["seconds"]
+    return _plain_seconds(report) - seconds["total"] - sum(seconds.get(stage, 0.0) for stage in WAITED_FOR)
+
+
+def _plain_seconds(report: Mapping[str, Any]) -> float:
+    """Return the seconds that rendering each view takes: as measured by a comparison, or else as predicted."""
+    compare = report.get("compare")
+    return compare["plain_seconds"] if compare else report["predicted_speedup"] * report["seconds"]["total"]

@@ -16,6 +16,7 @@ from drive_common import (
     click,
     facts,
     find_button,
+    find_property,
     go,
     jobs,
     press,
@@ -108,6 +109,7 @@ def cancel_with_escape():
     yield from until(lambda: turns["count"] - since > 10 or run.finished, "the window stood still")
     shoot("running")
     facts["turns"] = turns["count"] - since
+    yield from escape_from_a_menu_and_a_field(run)
     folder = run.folder.parent
     press("ESC")
     yield from until(lambda: jobs().running() is None, "Esc did not end the run")
@@ -115,6 +117,31 @@ def cancel_with_escape():
     facts["cancelled"] = results().report is None and not folder.exists()
     facts["unchanged_by_cancel"] = values() == seen["before"]
     shoot("cancelled")
+
+
+def escape_from_a_menu_and_a_field(run):
+    """They have Esc first, and the run goes on. A number field is edited after a click, until Esc or Enter."""
+    facts["escaped"] = {}
+    region = region_of("VIEW_3D", "WINDOW")
+    go(region.x + 200, region.y + 200)
+    with bpy.context.temp_override(window=window(), area=area_of("VIEW_3D"), region=region):
+        bpy.ops.wm.call_menu(name="VIEW3D_MT_add")
+    yield from redrawn()
+    shoot("menu_under_way")
+    press("ESC")
+    yield from redrawn()
+    shoot("menu_escaped")
+    facts["escaped"]["menu"] = run.is_ending
+    field = bpy.context.scene.camera.data.stereo.interocular_distance
+    yield from find_property("VIEW_3D", "UI", "interocular_distance")
+    press("LEFTMOUSE")
+    yield from redrawn()
+    for key, text in (("NINE", "9"), ("ESC", "")):
+        window().event_simulate(type=key, value="PRESS", unicode=text, x=facts["mouse"][0], y=facts["mouse"][1])
+        window().event_simulate(type=key, value="RELEASE", x=facts["mouse"][0], y=facts["mouse"][1])
+        yield from redrawn()
+    facts["escaped"]["field"] = run.is_ending
+    facts["field as before"] = bpy.context.scene.camera.data.stereo.interocular_distance == field
 
 
 def cancel_with_the_button():

@@ -105,19 +105,28 @@ def scroll(kind, region_type, wheel):
 
 def find_button(kind, region_type, command):
     """Where the button is that runs `command`: Ctrl+C over a button copies what it runs."""
+    yield from _find(kind, region_type, command, (0.25, 0.75), ctrl=True)
+
+
+def find_property(kind, region_type, name):
+    """Where the field of a property is: Ctrl+Shift+Alt+C over a field copies its data path."""
+    yield from _find(kind, region_type, name, (0.75,), ctrl=True, shift=True, alt=True)
+
+
+def _find(kind, region_type, what, shares, **held):
     manager = bpy.context.window_manager
     region = region_of(kind, region_type)
-    for share in (0.25, 0.75):
+    for share in shares:
         for y in range(region.y + region.height - 8, region.y + 4, -9):
             manager.clipboard = ""
             go(region.x + share * region.width, y)
             yield 0.02
-            press("C", ctrl=True)
+            press("C", **held)
             yield 0.02
-            if command in manager.clipboard:
+            if what in manager.clipboard:
                 facts["button"] = facts["mouse"]
                 return
-    raise StuckError(f"no button for {command}")
+    raise StuckError(f"nothing there for {what}")
 
 
 def click(kind, region_type, command):

@@ -56,6 +56,12 @@ def test_escape_ends_a_run_and_leaves_nothing(facts):
     assert facts["unchanged_by_cancel"]
 
 
+def test_escape_in_a_menu_and_in_a_field_ends_these_alone(facts):
+    assert facts["escaped"] == {"menu": False, "field": False}
+    assert facts["field as before"]
+    assert (SEEN / "menu_under_way.png").read_bytes() != (SEEN / "menu_escaped.png").read_bytes()
+
+
 def test_escape_in_another_window_does_the_same(facts):
     assert facts["other_window"]
 

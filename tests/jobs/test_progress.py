@@ -112,6 +112,22 @@ def test_what_takes_longer_than_expected_is_never_done_before_it_is():
     assert progress.remaining(1000.0) > 0.0
 
 
+def test_renders_of_one_stage_are_counted_together():
+    """Multiview's two eyes and one again, each of 10 seconds: every one counts its samples from the beginning."""
+    progress = Progress(0.0, {"source": 10.0, "compare": 40.0})
+    progress.begin("source", 0.0)
+    progress.begin("compare", 10.0)
+    shown, left = [], []
+    for render in range(3):
+        for count in (1, 4, 7, 10, 0):
+            now = 10.0 + 10.0 * render + (count or 10)
+            progress.advance(count / 10, now)
+            shown.append(progress.fraction(now))
+            left.append(progress.remaining(now) + now)
+    assert shown == sorted(shown)
+    assert max(left[2:]) - min(left[2:]) < 1.0, "the end is expected at the same time throughout"
+
+
 def test_frames_are_counted_by_their_stages_starting_over():
     progress = Progress(0.0, {"source": 3.0, "fill": 1.0}, in_seconds=True, frames=4)
     for frame in range(4):

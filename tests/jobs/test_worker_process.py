@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from stereo_reproject.jobs import worker_process
+from stereo_reproject.jobs.progress import Progress
 from stereo_reproject.jobs.work_folder import work_folder
 
 SECONDS = 60.0
@@ -46,6 +47,56 @@ def test_charts_are_drawn_whatever_backend_the_user_s_are_for(monkeypatch):
 def test_temporary_files_go_into_the_run_s_own_folder(tmp_path):
     environment = worker_process.private_environment(tmp_path, own_python=True)
     assert {environment[name] for name in ("TMPDIR", "TEMP", "TMP")} == {str(tmp_path / "tmp")}
+
+
+TILES = """\
+Fra:1 | Time:00:00.00 | Scene, ViewLayer | Rendered 0/4 Tiles, Sample 0/24
+Fra:1 | Time:00:00.19 | Remaining:00:17.91 | Scene, ViewLayer | Rendered 0/4 Tiles, Sample 1/24
+Fra:1 | Time:00:03.60 | Remaining:00:10.79 | Scene, ViewLayer | Rendered 0/4 Tiles, Sample 24/24
+Fra:1 | Time:00:03.60 | Remaining:00:10.79 | Scene, ViewLayer | Rendered 1/4 Tiles, Sample 24/24
+Fra:1 | Time:00:03.73 | Remaining:00:10.60 | Scene, ViewLayer | Rendered 1/4 Tiles, Sample 1/24
+Fra:1 | Time:00:05.27 | Remaining:00:08.10 | Scene, ViewLayer | Rendered 1/4 Tiles, Sample 12/24
+Fra:1 | Time:00:06.77 | Remaining:00:06.76 | Scene, ViewLayer | Rendered 1/4 Tiles, Sample 24/24
+Fra:1 | Time:00:06.77 | Remaining:00:06.76 | Scene, ViewLayer | Rendered 2/4 Tiles, Sample 24/24
+Fra:1 | Time:00:10.74 | Remaining:00:03.57 | Scene, ViewLayer | Rendered 3/4 Tiles, Sample 24/24
+Fra:1 | Time:00:10.91 | Remaining:00:03.43 | Scene, ViewLayer | Rendered 3/4 Tiles, Sample 1/24
+Fra:1 | Time:00:14.60 | Scene, ViewLayer | Rendered 3/4 Tiles, Sample 24/24
+Fra:1 | Time:00:14.60 | Scene, ViewLayer | Rendered 3/4 Tiles, Sample 0/24
+"""
+"""Lines of Blender's log about a picture that is rendered in four tiles, as large ones are."""
+
+
+def test_samples_of_all_tiles_count_and_the_time_that_is_left_stays_steady(tmp_path):
+    usual, idle = {"source": 80.0, "fill": 20.0}, (sys.executable, "-c", "input()")
+    with worker_process.start_worker(idle, tmp_path) as worker:
+        worker.begin_stage()
+        progress = Progress(0.0, usual)
+        progress.begin("source", 0.0)
+        done, ends = [], []
+        for line in TILES.splitlines(keepends=True):
+            with worker.log.open("a") as log:
+                log.write(line)
+            now = float(line.split("Time:00:")[1].split()[0])
+            done.append(worker.samples_done())
+            progress.advance(done[-1], now)
+            left = progress.remaining(now)
+            ends += [] if left is None else [now + left]
+        worker.begin_stage()
+        assert worker.samples_done() is None
+    assert done == sorted(done)
+    assert done[4] == pytest.approx((1 + 1 / 24) / 4)
+    assert (done[3], done[-1]) == (1 / 4, 1.0)
+    # The source takes 14.6 seconds, and the rest a fourth of that.
+    assert ends
+    assert ends == pytest.approx([18.25] * len(ends), rel=0.15)
+
+
+def test_a_second_render_in_tiles_begins_anew(tmp_path):
+    with worker_process.start_worker((sys.executable, "-c", "input()"), tmp_path) as worker:
+        for line, done in (("Rendered 3/4 Tiles, Sample 12/24 ", 7 / 8), ("Rendered 0/4 Tiles, Sample 6/24 ", 1 / 16)):
+            with worker.log.open("a") as log:
+                log.write(line)
+            assert worker.samples_done() == pytest.approx(done)
 
 
 def test_a_folder_in_use_is_not_abandoned_by_another_of_its_names(tmp_path):

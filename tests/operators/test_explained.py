@@ -16,6 +16,15 @@ def test_every_heading_has_a_tooltip(extension):
         assert bpy.ops.stereo_reproject.explain(heading=heading) == {"FINISHED"}
 
 
+def test_every_reason_for_which_pixels_are_rendered_again_is_explained(extension):
+    from stereo_reproject_extension.operators.explained import EXPLANATIONS, TRACED
+    from stereo_reproject_extension.stereo_reproject.images.reasons import Reason
+
+    for reason in Reason:
+        (line,) = (line for line in EXPLANATIONS[TRACED] if line.startswith(f"{reason.words}: "))
+        assert "{" not in line
+
+
 @pytest.mark.parametrize(("width", "scale", "rows"), [(250, 1.0, 2), (250, 1.5, 1), (400, 1.5, 2)])
 def test_a_heading_bears_its_own_explanation(extension, monkeypatch, width, scale, rows):
     from stereo_reproject_extension.operators import explained

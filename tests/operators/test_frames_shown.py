@@ -133,6 +133,23 @@ def test_what_cannot_be_looked_at_says_why(scene, area):
     assert missing_frame(scene, 1) == "A movie has no files of single frames: play it"
 
 
+def test_at_a_frame_that_is_not_there_the_panel_says_which_is_shown_and_a_press_goes_back(scene, area):
+    from stereo_reproject_extension.operators.frames_shown import stays_words
+
+    def said():
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area):
+            return stays_words(bpy.context)
+
+    scene.frame_set(2)
+    look(area)
+    assert said() is None
+    scene.frame_set(3)
+    assert said() == "Frame 2 is shown: frame 3 has no file."
+    assert look(area) == {"FINISHED"}
+    assert area.spaces.active.image.type == "RENDER_RESULT"
+    assert said() is None
+
+
 def test_a_wiggle_of_a_frame_has_its_number(scene, area):
     from stereo_reproject_extension.operators.wiggle_export import _stem_of
 

@@ -142,7 +142,7 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
     assert sorted(path.name for path in place.iterdir()) == ["project"]
     assert list(dict.fromkeys(so_far)) == [0, 1, 2]
     _, saved = verdicts_on(animated, result_of(animated))
-    assert re.fullmatch(r"2 frames, (.* saved|No time saved.*)", saved.words)
+    assert re.fullmatch(r"2 frames, (.* saved of .* %\)|No time saved.*)", saved.words)
     assert result_of(animated).delivery.content.name == "Slot 1"
 
 

@@ -140,6 +140,25 @@ def test_a_preview_claims_no_gain_of_its_own_and_is_named(extension, scene, tmp_
     assert verdicts_on(scene, result)[1].words.startswith("A full render is predicted to ")
 
 
+def test_a_preview_of_a_panorama_predicts_the_gain_of_the_panorama(extension, scene):
+    """And not of the camera's own picture, which is smaller than the preview here."""
+    from stereo_reproject_extension.operators import prediction, results
+
+    stages = {"plan": 0.0, "source": 10.0, "fill": 4.0, "total": 14.0}
+    costs = {"render_call_seconds": 1.5, "resync_share": 0.25}
+    report = {"size": [480, 480], "samples": 8, "seconds": stages, "predicted_speedup": 18.0 / 14.0}
+    report |= {"fill": {"costs": costs}, "engine": "CYCLES"}
+    result = results.result_of(scene)
+    result.report, result.delivery = report, results.Delivery(None, 1, "12:00", preview=True)
+    scene.stereo_reproject.headset, scene.stereo_reproject.headset_height = "vr180", 4096
+    scene.cycles.samples = 8
+    work = 4096**2 / 480**2
+    assert prediction.full_gain_of(scene) == pytest.approx((2 + 16 * work) / (2 + 8 * work + 2 + 2 * work))
+    scene.stereo_reproject.headset = "camera"
+    assert prediction.full_gain_of(scene) < 1.05
+    results.forget_all()
+
+
 def test_a_result_is_known_by_its_slot_until_something_else_is_shown(extension, scene):
     from stereo_reproject_extension.operators.drawing import _is_shown, verdicts_on
     from stereo_reproject_extension.operators.results import result_of
@@ -202,21 +221,26 @@ def test_the_buttons_come_first_and_prose_does_not_stand_there(extension, scene)
 
 
 @pytest.mark.parametrize(
-    ("percentage", "said"),
-    [(100, "96 x 54 pixels for each eye."), (25, "{} x 54 pixels for each eye, the least that the preferences allow.")],
+    ("size", "percentage", "said"),
+    [
+        ((96, 54), 100, "96 x 54 pixels for each eye."),
+        ((96, 54), 25, "96 x 54 pixels for each eye, as many as the whole picture has."),
+        ((1600, 900), 25, "480 x 270 pixels for each eye, the least that the preferences allow."),
+        ((1600, 900), 50, "800 x 450 pixels for each eye."),
+    ],
 )
-def test_the_preview_s_panel_tells_its_pixels(extension, scene, percentage, said):
+def test_the_preview_s_panel_tells_its_pixels(extension, scene, size, percentage, said):
     from types import SimpleNamespace
 
     from stereo_reproject_extension.operators import panels
 
     scene.stereo_reproject.preview_percentage = percentage
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 96, 54, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *size, 100
     drawn = Drawn()
     context = SimpleNamespace(scene=scene, region=None, preferences=bpy.context.preferences)
     panels._Preview.draw(SimpleNamespace(layout=drawn), context)
     texts = [item[-1]["text"] for item in drawn.items if item[0] == "label"]
-    assert said.format(96) in " ".join(texts)
+    assert said in " ".join(texts)
 
 
 def test_what_is_seldom_set_is_in_closed_panels(extension):

@@ -131,6 +131,26 @@ def test_a_cancelled_animation_says_how_many_frames_stay(extension, scene, place
     assert "switch off Overwrite" in printed
     first = next(text for text in words if text.startswith("Frame"))
     assert re.match(r"Frame 11 \(1 of 30\)  \d+ %", first)
+    assert _buttons_below(scene)[-2:] == ["render.stereo_reproject_view_animation", "stereo_reproject.look_at_frame"]
+
+
+def _buttons_below(scene):
+    """The operators that the panel has below the last result."""
+    from stereo_reproject_extension.operators.drawing import draw_outcome
+
+    found = []
+
+    class Drawn:
+        def __getattr__(self, _):
+            return lambda *_, **__: self
+
+        def operator(self, name, **_):
+            found.append(name)
+            return self
+
+    context = SimpleNamespace(scene=scene, region=None, space_data=None, preferences=bpy.context.preferences)
+    draw_outcome(Drawn(), context)
+    return found
 
 
 def cancel_at(monkeypatch, condition):
@@ -171,7 +191,7 @@ def test_every_place_of_the_window_says_the_same(extension, scene, monkeypatch):
     monkeypatch.setattr(jobs, "_running", [run])
     monkeypatch.setattr(jobs, "_shown_progress", [])
     said = []
-    window = SimpleNamespace(_tell=lambda text, _: said.append(text), uses_render_result=True)
+    window = SimpleNamespace(_tell=lambda ways: said.append(ways[0][0]), uses_render_result=True)
     layout = SimpleNamespace(
         progress=lambda *, factor, text: said.append((factor, text)), operator=lambda *_, **__: None
     )
@@ -184,3 +204,21 @@ def test_every_place_of_the_window_says_the_same(extension, scene, monkeypatch):
     assert at_first.startswith("40 %, 42 s left.  Rendering the first eye")
     assert panel_then == (0.41, "41 %, 42 s left")
     assert then.startswith(panel_then[1])
+
+
+@pytest.mark.parametrize(
+    ("room", "lines"),
+    [
+        (200, ["Frame 1 (1 of 6)  13 %.  Rendering the first eye, 9 s saved so far by 1 frame   |   Esc: Cancel"]),
+        (80, ["Frame 1 (1 of 6)  13 %", "Rendering the first eye, 9 s saved so far by 1 frame   |   Esc: Cancel"]),
+        (50, ["Frame 1 (1 of 6)  13 %", "Rendering the first eye   |   Esc: Cancel"]),
+        (25, ["Frame 1 (1 of 6)  13 %", "Esc: Cancel"]),
+        (5, ["Frame 1 (1 of 6)  13 %", "Esc: Cancel"]),
+    ],
+)
+def test_a_narrow_image_editor_says_how_to_cancel_too(extension, room, lines):
+    from stereo_reproject_extension.operators.progress_line import way_that_fits
+    from stereo_reproject_extension.operators.run_words import RunProgress, ways_to_say
+
+    now = RunProgress(0.13, "Frame 1 (1 of 6)  13 %", "Rendering the first eye", "9 s saved so far by 1 frame")
+    assert way_that_fits(ways_to_say(now), room, len) == lines

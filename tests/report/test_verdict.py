@@ -16,6 +16,7 @@ from stereo_reproject.report.verdict import (
     UNPROMISED,
     Verdict,
     accuracy_name,
+    animation_words,
     duration,
     full_render_gain,
     picture_words,
@@ -95,6 +96,18 @@ def test_no_tick_stands_above_a_warning_that_something_may_be_wrong(kept, good):
 )
 def test_time_is_said_in_plain_words(seconds, words):
     assert saved_words(seconds) == words
+
+
+@pytest.mark.parametrize(
+    ("seconds", "plain", "words"),
+    [
+        (17.0, 43.0, "17 s saved of 43 s (40 %)"),
+        (0.2, 300.0, "0.2 s saved of 5 min (0 %)"),
+        (-12.2, 43.0, "No time saved: 12 s longer"),
+    ],
+)
+def test_it_is_said_of_what_the_time_is_saved(seconds, plain, words):
+    assert saved_words(seconds, plain) == words
 
 
 def test_a_duration_never_has_sixty_of_a_unit():
@@ -193,10 +206,22 @@ def test_a_preview_claims_no_gain_of_its_own():
     assert quality_of(report(), preview=True) == Verdict("As good as rendering both eyes of this preview", good=True)
     not_as_good = "Not as good as rendering both eyes of this preview: "
     assert quality_of(report(kept=False), preview=True).words.startswith(not_as_good)
-    assert time_words(seconds()) == "35 s saved"
+    assert time_words(seconds()) == "35 s saved of 1 min 45 s (33 %)"
     assert time_words(seconds(), full_gain=1.5) == predicted_words(1.5)
 
 
 def test_a_picture_has_a_name():
     assert picture_words("Slot 2", 7, "14:32") == "Slot 2, frame 7, 14:32"
     assert picture_words(None, None, "14:32", preview=True) == "Preview: 14:32"
+
+
+@pytest.mark.parametrize(
+    ("slot", "frame", "words"),
+    [
+        ("Slot 1", 6, "Animation, 09:28; Slot 1 has its last frame, 6"),
+        (None, 6, "Animation, 09:28, to frame 6"),
+        ("Slot 1", None, "Animation, 09:28"),
+    ],
+)
+def test_an_animation_is_not_named_as_its_last_frame_alone(slot, frame, words):
+    assert animation_words(slot, frame, "09:28") == words

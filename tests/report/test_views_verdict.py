@@ -82,6 +82,6 @@ def test_the_time_saved_is_less_what_a_plain_render_has_not():
     assert saved_by_views(report()) == pytest.approx(4.0 * 30.0 - 30.0 - 2.0 - 3.0)
     measured = report(compare={"honest_ratio": 1.0, "plain_seconds": 100.0})
     assert saved_by_views(measured) == pytest.approx(100.0 - 30.0 - 2.0 - 3.0)
-    assert str(verdicts_on_views(measured)[2].words) == "1 min 5 s saved"
+    assert str(verdicts_on_views(measured)[2].words) == "1 min 5 s saved of 1 min 40 s (65 %)"
     slow = verdicts_on_views({**report(), "predicted_speedup": 1.0})[2]
     assert (str(slow.words), slow.good) == ("No time saved: 5.0 s longer", None)

@@ -44,6 +44,9 @@ ABOVE: tuple[tuple[float, str, tuple[int, int, int]], ...] = (
 )
 """Honest ratios that a tile may be above, with their words and colours in the picture of the estimate."""
 
+NOTHING_LEFT = "None: no area is off by more than noise, or it was rendered again"
+"""Legend of the picture of the estimate where no tile has a colour."""
+
 WITHOUT_PROBES = (95, 95, 105)
 
 DIFFERENCE_GAIN = 4
@@ -126,16 +129,16 @@ def write_estimate(
     unknown = np.isnan(ratio)
     words = f"Not checked: {why_none}" if why_none else f"Not checked {100.0 * np.mean(unknown):.1f} %"
     shown = [(words, WITHOUT_PROBES, unknown)] if unknown.any() else []
+    nothing: Legend = [] if shown else [("All of it was rendered", ABOVE[0][2])]
     if (~unknown & (ratio != 1.0)).any():
         ends = [*(limit for limit, _, _ in ABOVE[1:]), np.inf]
-        for (limit, words, colour), end in zip(ABOVE, ends, strict=True):
-            band = (ratio > limit) & (ratio <= end) & (low > 1.0)
+        off = [(ratio > limit) & (ratio <= end) & (low > 1.0) for (limit, _, _), end in zip(ABOVE, ends, strict=True)]
+        for (_, words, colour), band in zip(ABOVE, off if np.any(off) else (), strict=False):
             shown.append((f"{words} {100.0 * np.mean(band):.1f} %", colour, band))
-    if not shown:
-        shown = [("All of it was rendered", ABOVE[0][2], unknown)]
+        nothing = [] if np.any(off) else [(NOTHING_LEFT, None)]
     for _, colour, where in shown:
         picture[where] = np.array(colour) // 2 + backdrop[where] // 2
-    _write_with_legend(path, picture, [(text, colour) for text, colour, _ in shown])
+    _write_with_legend(path, picture, [*((text, colour) for text, colour, _ in shown), *nothing])
 
 
 def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray[np.float32]) -> None:

@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.output.pictures import read_png, write_estimate
+from stereo_reproject.blender.output import pictures
+from stereo_reproject.blender.output.pictures import NOTHING_LEFT, read_png, write_estimate
 
 HEIGHT = 90
 BACKGROUND = 24 / 255
@@ -42,3 +43,14 @@ def test_where_there_is_no_estimate_the_picture_says_why(tmp_path):
     assert written[0] > 2 * written[1]
     traced = [legend_of(tmp_path, 1280, why_none=words, known=1.0) for words in (WHY, None)]
     np.testing.assert_array_equal(*traced, err_msg="what was traced needs no estimate")
+
+
+def test_where_no_area_is_off_the_legend_says_so(tmp_path, monkeypatch):
+    written = []
+    monkeypatch.setattr(pictures, "_write_with_legend", lambda _path, _picture, legend: written.append(dict(legend)))
+    target = np.full((10, 10, 4), 0.5, np.float32)
+    for ratio in (1.05, 1.7):
+        write_estimate(tmp_path / "estimate.png", target, np.full((10, 10, 3), ratio, np.float32))
+    fine, off = written
+    assert list(fine) == [NOTHING_LEFT]
+    assert list(off) == ["Barely off 0.0 %", "Slightly off 0.0 %", "Clearly off 100.0 %", "Far off 0.0 %"]
