@@ -27,7 +27,7 @@ def left_noise(passes: Passes, known: NDArray[np.bool_] | None = None) -> NDArra
     """
     noisy, colour = passes[NOISY_PASS], passes[COLOUR_PASS]
     result = np.zeros(colour.shape[:2], np.float32)
-    reach = max(TUNING.left_noise_reach_px, TUNING.left_noise_detail_reach_px)
+    reach = max(TUNING.left_noise_reach_px[0], TUNING.left_noise_detail_reach_px[0])
     for rows in bands(result.shape):
         around = slice(max(rows.start - reach, 0), rows.stop + reach)
         of_band = np.ones(result[around].shape, bool) if known is None else known[around]
@@ -39,13 +39,13 @@ def left_noise(passes: Passes, known: NDArray[np.bool_] | None = None) -> NDArra
 def _left_in(noisy: NDArray[np.float32], colour: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return `left_noise` of some rows of a picture, whose scene-linear colours (h, W, >= 3) are noisy and denoised."""
     noise, detail = np.zeros(known.shape), np.zeros(known.shape)
-    detail_reach = (TUNING.left_noise_detail_reach_px,) * 2
+    detail_reach = TUNING.left_noise_detail_reach_px
     near = np.maximum(box_sum(known, detail_reach), 1.0)
     for channel in range(COLOUR_CHANNELS):
         clean = judged_channel(colour, channel) * known
         noise += (judged_channel(noisy, channel) * known - clean) ** 2 / COLOUR_CHANNELS
         detail += (clean - box_sum(clean, detail_reach) / near) ** 2 * known / COLOUR_CHANNELS
-    reach = (TUNING.left_noise_reach_px,) * 2
+    reach = TUNING.left_noise_reach_px
     noise = np.maximum(box_sum(noise, reach), 0.0) / np.maximum(box_sum(known, reach), 1.0)
     both = noise + detail
     return TUNING.left_noise_share * noise * detail / np.where(both > 0.0, both, 1.0)

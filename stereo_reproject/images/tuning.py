@@ -65,12 +65,12 @@ class ImagesTuning:
     left_noise_error: float = 0.3
     """Standard error of that, as a share of it. By measurement on the same pictures and smaller ones, with 16 to 256
     samples."""
-    left_noise_reach_px: int = 2
-    """Pixels each way over which the noise of a picture is averaged for that. By hand: with one or three it differs by
-    as much from scene to scene."""
-    left_noise_detail_reach_px: int = 1
-    """Pixels each way from whose mean a pixel differs by its detail. By measurement on ten pictures: with two, what the
-    denoiser leaves varies more from scene to scene (log deviation 0.30 in place of 0.27)."""
+    left_noise_reach_px: tuple[int, int] = (2, 2)
+    """Pixels, down and across, over which the noise of a picture is averaged for that. By hand: with one or three it
+    differs by as much from scene to scene."""
+    left_noise_detail_reach_px: tuple[int, int] = (1, 1)
+    """Pixels, down and across, from whose mean a pixel differs by its detail. By measurement on ten pictures: with two,
+    what the denoiser leaves varies more from scene to scene (log deviation 0.30 in place of 0.27)."""
     denoise_sides_px: int = 32
     """Columns of the other side that the denoiser sees beyond each side of a picture of a whole turn. By measurement on
     classroom: with none the sides differ by 2.3 times as much as they do in the middle of a picture, with these by 1.04

@@ -44,7 +44,7 @@ def test_it_is_told_where_the_noise_is():
     half = np.s_[:, : SIZE[1] // 2]
     calm[NOISY_PASS][half] = noisy[NOISY_PASS][half]
     left = left_noise(calm)
-    reach = TUNING.left_noise_reach_px
+    reach = TUNING.left_noise_reach_px[0]
     assert left[:, : SIZE[1] // 2 - reach].min() > 0.0
     assert left[:, SIZE[1] // 2 + reach :].max() == 0.0
 
