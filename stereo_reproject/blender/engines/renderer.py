@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -120,9 +121,7 @@ class BlenderRenderer:
         self._between_eyes: float | None = 0.0
         if views and scene.render.engine == CYCLES:
             switch_on_positions(scene)
-        self.denoise: Denoise | None = None
-        if denoises(scene):
-            self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
+        self.denoise: Denoise | None = partial(denoise_pictures, scene, folder=folder) if denoises(scene) else None
         self._rays = RayPasses(scene, self.plan, denoised=bool(self.denoise), mirrors=self._may_see_mirrors(eyes))
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
@@ -232,18 +231,18 @@ class BlenderRenderer:
         with _noisy(self), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
             if method == "packed":
                 renders, traced = self._traced_together(requests)
-                traced = [self._with_effects(passes, renders[0].attributes) for passes in traced]
                 if len(renders) == 1:
-                    pixels = sum(float(np.mean(mask)) for request in requests for mask in request.masks)
-                    self._note("packed", renders[0], pixels)
+                    shares = [float(np.mean(mask)) for request in requests for mask in request.masks]
+                    self._note("packed", renders[0], sum(shares))
             else:
                 traced = [self._trace_whole(method, request) for request in requests]
         return [self._guided(passes) for passes in traced]
 
     def _traced_together(self, requests: Sequence[TraceRequest]) -> tuple[list[Rendered], list[Passes]]:
         """Trace all requests packed, with seeds of their own; return the renders, and each request's passes (N, C)."""
-        scene = self.traced_scene
-        return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed, self.packed)
+        scene, seed = self.traced_scene, self._next_seed
+        renders, traced = trace_together(scene, self.cameras, self.volumes, requests, self.folder, seed, self.packed)
+        return renders, [_with_effects(self, passes, renders[0]) for passes in traced]
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
         """Return the passes (N, C) of a request, by the method "card" or "full". Each of its masks takes a render as
@@ -256,14 +255,9 @@ class BlenderRenderer:
             with self.standing_at(request.view) as eye:
                 rendered, passes = WHOLE_TRACES[method](self.scene, eye, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
-            passes = self._with_effects(passes, rendered.attributes)
-            apart.append(with_depth_at(passes, self.cameras[request.view], np.argwhere(mask)))
+            shown = _with_effects(self, passes, rendered)
+            apart.append(with_depth_at(shown, self.cameras[request.view], np.argwhere(mask)))
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
-
-    def _with_effects(self, passes: Passes, attributes: Mapping[str, str]) -> Passes:
-        """Return the passes (N, C) of traced pixels with that of the effects that they show, where their render, whose
-        attributes are given, tells it."""
-        return {**passes, **effects_in(self.scene, self.plan, passes, attributes)}
 
     def _note(self, method: str, rendered: Rendered, share: float) -> None:
         """Note the measurements of a render that traced a share of the frame's pixels; see `TraceRender`."""
@@ -275,6 +269,12 @@ class BlenderRenderer:
         """
         self._traces += 1
         return shifted_seed(self.seed, TRACE_SEED_STEP * self._traces)
+
+
+def _with_effects(renderer: BlenderRenderer, passes: Passes, rendered: Rendered) -> Passes:
+    """Return the passes (N, C) of traced pixels with that of the effects that they show, where their render tells
+    it."""
+    return {**passes, **effects_in(renderer.scene, renderer.plan, passes, rendered.attributes)}
 
 
 def _noisy(renderer: BlenderRenderer) -> AbstractContextManager[None]:
