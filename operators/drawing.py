@@ -31,7 +31,7 @@ from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
 from .run import BackgroundJob
-from .slots import content_now
+from .slots import content_now, holds
 from .stereo import is_set_anew
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
@@ -144,8 +144,9 @@ def _draw_result(box: bpy.types.UILayout, context: bpy.types.Context, result: Re
     else:
         name = animation_words(slot, delivery.frame, delivery.clock)
     paragraph(box, context, Words("{picture}:", picture=name))
-    if not _is_shown(context, delivery):
-        paragraph(box, context, "Another picture is shown now.", icon="INFO")
+    elsewhere = slot_words(context, delivery)
+    if elsewhere is not None:
+        paragraph(box, context, elsewhere, icon="INFO")
     report = result.report
     if (
         report is not None
@@ -214,6 +215,14 @@ def _saved_by(totals: Mapping[str, Any], one: str, more: str) -> Verdict:
     saved, count = saved_by_animation(totals), totals["frames"]
     words = Words(one if count == 1 else more, count=count, saved=saved_words(saved, totals["multiview_seconds"]))
     return Verdict(words, good=None if saved <= 0.0 else True)
+
+
+def slot_words(context: bpy.types.Context, delivery: Delivery) -> str | None:
+    """Return words for where a picture that was handed over is not seen; None where it is."""
+    if _is_shown(context, delivery):
+        return None
+    gone = delivery.content is not None and not holds(delivery.content)
+    return "Another render has taken its slot." if gone else "Another picture is shown now."
 
 
 def _is_shown(context: bpy.types.Context, delivery: Delivery) -> bool:

@@ -10,7 +10,7 @@ import bpy
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.words import Words
 from .jobs import running
-from .pictures import find_editor, image_editors
+from .pictures import bring_forward, find_editor, image_editors
 from .redraw import redraw_panels
 from .slots import content_now
 from .text import reported, shown
@@ -48,8 +48,9 @@ class STEREO_REPROJECT_OT_look(bpy.types.Operator):
                     bpy.ops.stereo_reproject.wiggle("INVOKE_DEFAULT")
                 else:
                     bpy.ops.stereo_reproject.show_view(mode=self.mode)
-        except BadInputError as error:
-            self.report({"ERROR"}, reported(error))
+        except (BadInputError, RuntimeError) as error:
+            # What the operator of the editor reports comes as an error of Python's.
+            self.report({"ERROR"}, reported(str(error).removeprefix("Error: ").strip()))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -57,12 +58,14 @@ class STEREO_REPROJECT_OT_look(bpy.types.Operator):
 @contextmanager
 def pair_editor() -> Iterator[None]:
     """Have the Image Editor that shows the pair be that of the context, for the time of a `with` block; where none
-    does, one opens. Raises BadInputError where none can be had.
+    does, one opens, and a window of its own comes forward. Raises BadInputError where none can be had.
     """
     found = _window_and_editor()
     if found is None:
         bpy.ops.render.view_show("INVOKE_DEFAULT")
         found = _window_and_editor()
+    else:
+        bring_forward(found[0])
     if found is None:
         raise BadInputError(Words("No Image Editor could be opened: turn an editor into one"))
     window, area = found

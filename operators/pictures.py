@@ -122,6 +122,15 @@ def find_editor() -> bpy.types.Area | None:
     return next(shows_result, None) or next(ours, None)
 
 
+def bring_forward(window: bpy.types.Window) -> None:
+    """Bring a window that Blender has opened for a picture in front of the others, as F12 does; do nothing with any
+    other window, and where the user is in it. No job may have its thread, see `zoom_to_fit`.
+    """
+    if window != bpy.context.window and window.screen.is_temporary:
+        # It shows nothing new where there is such a window.
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+
+
 def show_image(image: bpy.types.Image) -> bool:
     """Show an image in the first Image Editor that is open. Return False if none is open."""
     editors = image_editors()

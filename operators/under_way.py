@@ -10,9 +10,20 @@ import bpy
 
 from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.jobs.supervisor import Event
-from .pictures import NAME, PAIR, find_editor, image_editors, is_ours, kind_of, render_result, zoom_to_fit
+from .pictures import (
+    NAME,
+    PAIR,
+    bring_forward,
+    find_editor,
+    image_editors,
+    is_ours,
+    kind_of,
+    render_result,
+    zoom_to_fit,
+)
 from .progress_line import remove_line, show_line
 from .run import Pictures
+from .view_images import turned_to
 
 UNDER_WAY = NAME.format("Render ({})")
 """Name of the image that shows an eye, or one of many views, as it is so far."""
@@ -58,6 +69,8 @@ def open_editor(*, fit: bool) -> None:
         with bpy.context.temp_override(window=bpy.context.window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
             bpy.ops.render.view_show("INVOKE_DEFAULT")
         area = find_editor()
+    elif area is not None:
+        bring_forward(_window_of(area))
     if area is not None:
         window = _window_of(area).as_pointer()
         new = None if window in windows else window
@@ -175,7 +188,7 @@ def is_fitted() -> bool:
 
 
 def hand_over() -> bool:
-    """Have the Render Result, or the image in which the Render Result before was seen without glasses, take the place
+    """Have the Render Result, or an image of ours where a pair was seen without glasses, take the place
     of the job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown,
     so that an editor is still to be chosen.
     """
@@ -185,8 +198,8 @@ def hand_over() -> bool:
         return False
     editor = _editors.pop()
     before, result = bpy.data.images.get(editor.before), render_result()
-    of_result = before is not None and result is not None and _pair_of(before) == result.name
-    _replace(editor, before if of_result else result)
+    without_glasses = result is not None and kind_of(before) is not None
+    _replace(editor, turned_to(before, result) if without_glasses else result)
     return True
 
 

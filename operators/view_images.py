@@ -76,7 +76,7 @@ def _made(pair: bpy.types.Image, kind: str, views: Mapping[str, NDArray[np.float
         old.update()
         old.pack()
         return old
-    image = bpy.data.images.new(NAME.format(NAMES[kind]), width, height, alpha=True, float_buffer=True)
+    image = bpy.data.images.new(_name_of(pair, kind), width, height, alpha=True, float_buffer=True)
     image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1]).ravel())
     image.use_view_as_render = pair.type == "RENDER_RESULT" or pair.use_view_as_render
     # Packed it has no unsaved changes, of which Blender would warn when it quits.
@@ -88,6 +88,22 @@ def _made(pair: bpy.types.Image, kind: str, views: Mapping[str, NDArray[np.float
         old.user_remap(image)
         bpy.data.images.remove(old)
         image.name = name
+    return image
+
+
+def _name_of(pair: bpy.types.Image, kind: str) -> str:
+    """Return the name of our image of this kind of a pair; that of another pair than the Render Result says which."""
+    name = NAME.format(NAMES[kind])
+    return name if pair.type == "RENDER_RESULT" else f"{name} of {pair.name}"
+
+
+def turned_to(image: bpy.types.Image, pair: bpy.types.Image) -> bpy.types.Image:
+    """Return our image of this pair that is of the kind of an image of ours; where there is none, that image becomes
+    it, with the pixels that it has until it is made anew."""
+    known = image_of(pair, image[KIND])
+    if known is not None:
+        return known
+    image[PAIR], image.name = pair.name, _name_of(pair, image[KIND])
     return image
 
 

@@ -14,6 +14,7 @@ from .jobs import running
 from .pictures import find_editor, fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
 from .run import other_windows
+from .slots import content_now
 from .text import reported, sentence, shown
 from .view_images import has_two_views, image_of, made_images, pair_shown_in, remove_all, remove_unused
 from .zoom_and_place import drawn_at, put_at
@@ -68,7 +69,8 @@ def pair_in(context: bpy.types.Context) -> bpy.types.Image | None:
     pair = render_result() if space is None else pair_shown_in(space)
     if pair is None or has_two_views(pair):
         return pair
-    return pair if result_of(context.scene).delivery is not None else None
+    delivery = result_of(context.scene).delivery
+    return pair if delivery is not None and delivery.content in (None, content_now()) else None
 
 
 class _OfPair:

@@ -72,6 +72,13 @@ def left_eye(pair):
     return _made(pair, "LEFT", {"left": np.ones((*SIZE[::-1], 4), np.float32)})
 
 
+def kind_and_pair(image):
+    """Which image of ours it is, and the name of the image that holds its pair."""
+    from stereo_reproject_extension.operators.pictures import KIND, PAIR
+
+    return image[KIND], image[PAIR]
+
+
 def undo(takes):
     """Have images taken away as by an undo."""
     for handlers, state in ((bpy.app.handlers.undo_pre, "before"), (bpy.app.handlers.undo_post, "after")):
@@ -127,11 +134,14 @@ def test_a_new_pair_is_shown_as_the_render_before_it(area, picture):
     assert space.image == ours
 
 
-def test_a_new_pair_takes_the_place_of_another_image_s(area, opened, picture):
+@pytest.mark.parametrize("known", [False, True])
+def test_a_new_pair_is_looked_at_as_another_image_s_before_it(area, opened, picture, known):
     space = area.spaces.active
+    left_eyes = [left_eye(result())] if known else []
     space.image = left_eye(opened)
     assert begun(picture).hand_over()
-    assert space.image == result()
+    assert (space.image.name, kind_and_pair(space.image)) == ("Stereo Left", ("LEFT", result().name))
+    assert not known or space.image in left_eyes
 
 
 def test_a_picture_is_fitted_by_no_operator_while_a_job_runs(area, job):

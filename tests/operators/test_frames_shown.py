@@ -88,7 +88,7 @@ def test_a_frame_with_a_file_for_each_eye_is_a_pair_that_follows_the_timeline(sc
     show(area, "SIDE_BY_SIDE")
     assert seen(area) == near(0.2, 0.45)
     scene.frame_set(2)
-    assert space.image.name == "Stereo Side by Side"
+    assert space.image.name == "Stereo Side by Side of Stereo Frames"
     assert seen(area) == near(0.4, 0.9)
     # Not rendered yet: what was shown stays.
     scene.frame_set(3)
@@ -102,7 +102,7 @@ def test_the_way_of_looking_stays_and_a_second_press_shows_the_render_result(sce
     show(area, "RIGHT")
     scene.frame_current = 2
     look(area)
-    assert (area.spaces.active.image.name, seen(area)) == ("Stereo Right", near(0.9, 0.9))
+    assert (area.spaces.active.image.name, seen(area)) == ("Stereo Right of Stereo Frames", near(0.9, 0.9))
     show(area, "ANAGLYPH")
     look(area)
     assert area.spaces.active.image.type == "RENDER_RESULT"

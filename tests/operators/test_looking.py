@@ -77,6 +77,19 @@ def pixels(image):
     return np.array(image.pixels[:], np.float32).reshape(height, width, 4)[::-1]
 
 
+def test_after_a_plain_render_in_its_slot_there_is_no_pair_to_look_at(pair):
+    from stereo_reproject_extension.operators import drawing
+    from stereo_reproject_extension.operators.results import result_of
+    from stereo_reproject_extension.operators.view_modes import pair_in
+
+    context = SimpleNamespace(scene=pair, space_data=None, region=None, preferences=bpy.context.preferences)
+    assert pair_in(context) == render_result()
+    assert drawing.slot_words(context, result_of(pair).delivery) is None
+    assert bpy.ops.render.render() == {"FINISHED"}
+    assert pair_in(context) is None
+    assert drawing.slot_words(context, result_of(pair).delivery) == "Another render has taken its slot."
+
+
 def test_our_images_hold_the_eyes_and_are_not_saved(pair, tmp_path):
     from stereo_reproject_extension.operators.view_images import ARRANGEMENTS, made_images
     from stereo_reproject_extension.stereo_reproject.blender.output.saved_views import linear_views
