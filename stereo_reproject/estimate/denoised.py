@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from ..images.contrast import Contrast, box_sum
 from ..images.denoising import Denoising
 from ..images.effects_pass import materials_of
-from ..images.left_noise import left_noise
 from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged_channel, tone, untone
 from ..images.passes import COLOUR_PASS, NOISY_PASS
+from ..images.residual_noise import residual_noise
 from .bias import SourceNoise, bias_of
 from .evidence import DeliveredNoise, ProbeTraces, TileEvidence, measure_tiles
 from .probes import Probes
@@ -86,12 +86,13 @@ class DenoisedEstimator:
         mean = probes.neighbourhood_mean
         light, alpha = (_variance(difference[:, of]) for of in (slice(COLOUR_CHANNELS), slice(COLOUR_CHANNELS, None)))
         known = target.warped & ~probes.mask
-        left = left_noise({NOISY_PASS: target.passes[NOISY_PASS], COLOUR_PASS: target.colour}, known)
+        residual = residual_noise({NOISY_PASS: target.passes[NOISY_PASS], COLOUR_PASS: target.colour}, known)
         side = TUNING.source_noise_reach_tiles * probes.spacing
         near = probes.rows, probes.columns
-        of_light = box_sum(left, (side, side))[near] / np.maximum(box_sum(known, (side, side))[near], 1.0)
-        whole = self.denoising.left_noise + float(np.average(alpha, weights=probes.weight))
-        return DeliveredNoise(of_light, mean(alpha), whole, mean(light + alpha))
+        of_light = box_sum(residual, (side, side))[near] / np.maximum(box_sum(known, (side, side))[near], 1.0)
+        of_alpha = float(np.average(alpha, weights=probes.weight)) if probes.weight.size else 0.0
+        assert self.denoising.residual_noise is not None
+        return DeliveredNoise(of_light, mean(alpha), self.denoising.residual_noise + of_alpha, mean(light + alpha))
 
     def _heard(
         self, probes: Probes, traces: ProbeTraces, delivered: DeliveredNoise, source: SourceNoise

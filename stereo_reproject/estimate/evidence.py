@@ -92,13 +92,13 @@ class TileEvidence:
     was traced since (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on
     average. smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed.
     noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise
-    shows. pixels: number of the tile's warped pixels, which tracing it costs. area: their summed weight; at most their
-    number, and less where pixels are smaller than elsewhere. contrast: their contrast, summed by weight, above 0, to
-    which an unknown excess is taken to be proportional. frame_area: summed weight of the whole picture. materials:
-    those that the tiles show, None if unknown. The others are None where nothing is denoised. traced_noise: variance
-    (N,) of a traced pixel, which is not denoised yet. told_noise: variance (N,) of what each trace of a probe tells,
-    averaged over the probes around it. whole_noise: variance of a pixel of the delivered picture, averaged over all of
-    the frame.
+    shows; in a denoised picture that is all that tells noise, and so the same. pixels: number of the tile's warped
+    pixels, which tracing it costs. area: their summed weight; at most their number, and less where pixels are smaller
+    than elsewhere. contrast: their contrast, summed by weight, above 0, to which an unknown excess is taken to be
+    proportional. frame_area: summed weight of the whole picture. materials: those that the tiles show, None if unknown.
+    The others are None where nothing is denoised. traced_noise: variance (N,) of a traced pixel, which is not denoised
+    yet. told_noise: variance (N,) of what each trace of a probe tells, averaged over the probes around it. whole_noise:
+    variance of a pixel of the delivered picture, averaged over all of the frame.
     """
 
     probes: Probes
@@ -119,8 +119,7 @@ class TileEvidence:
 
     @property
     def mean_noise(self) -> float:
-        """Variance of one pixel of the delivered picture, averaged over the warped part of the frame; holes count as
-        being as noisy."""
+        """Variance of one pixel of the delivered picture, averaged over the warped part of the frame."""
         weight = self.probes.weight
         return float((weight * self.noise).sum() / weight.sum()) if weight.size else 0.0
 
@@ -139,10 +138,16 @@ class TileEvidence:
         return self.remaining - self.smoothed_noise
 
     @property
+    def whole_frame_noise(self) -> float:
+        """Variance of one pixel of the delivered picture, averaged over all of the frame: where only the probes tell
+        it, holes count as being as noisy as the warped part."""
+        return self.mean_noise if self.whole_noise is None else self.whole_noise
+
+    @property
     def frame_noise(self) -> float:
         """Sum by weight, over all pixels of the frame, of the squared difference to be expected between two plain
         renders of it: 0 without any noise, else at least what rounding for a display makes it."""
-        noise = self.mean_noise if self.whole_noise is None else self.whole_noise
+        noise = self.whole_frame_noise
         return 2.0 * max(noise, ROUNDING_VARIANCE) * self.frame_area if noise else 0.0
 
 

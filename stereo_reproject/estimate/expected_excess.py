@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.metrics import WRONG_TILE_RATIO
-from ..images.tuning import TUNING
+from ..images.tuning import TUNING as IMAGES_TUNING
 from ..settings.accuracy import DISPLAY_STEP, ROUNDING_VARIANCE
 from .evidence import TileEvidence
 
@@ -89,8 +89,8 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
     has no part in the error. That of a denoised picture has a relative error of its own.
     """
     noise, weight = evidence.frame_noise, evidence.probes.weight
-    told_by_probes = evidence.whole_noise is None and evidence.mean_noise > ROUNDING_VARIANCE
-    off = evidence.noise - evidence.mean_noise if told_by_probes else np.zeros_like(weight)
+    measured_by_probes = evidence.whole_noise is None and evidence.mean_noise > ROUNDING_VARIANCE
+    off = evidence.noise - evidence.mean_noise if measured_by_probes else np.zeros_like(weight)
     gone = np.concatenate([[0.0], np.cumsum(evidence.remaining[order])])
     excess = (evidence.remaining.sum() - gone) / noise
     share = 2.0 * evidence.frame_area * weight * off / weight.sum() / noise
@@ -101,7 +101,7 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
     products = np.sum(own * share) - np.concatenate([[0.0], np.cumsum(taken * share[order])])
     variance = squares - 2.0 * excess * products + excess**2 * np.sum(share**2)
     if evidence.whole_noise is not None and evidence.whole_noise > ROUNDING_VARIANCE:
-        variance += (TUNING.left_noise_error * excess) ** 2
+        variance += (IMAGES_TUNING.residual_noise_relative_error * excess) ** 2
     return excess, np.sqrt(np.maximum(variance, 0.0))
 
 

@@ -97,7 +97,9 @@ def _own_noise(evidence: TileEvidence, traced: NDArray[np.bool_]) -> float:
     pixels have unequal weights it is a little too large, as the sum of their squares is smaller than theirs.
     """
     area = evidence.frame_area - evidence.area[~traced].sum()
-    return float(area * np.average(evidence.noise**2, weights=evidence.probes.weight) / evidence.frame_noise**2)
+    weight = evidence.probes.weight
+    square = np.average(evidence.noise**2, weights=weight) if evidence.whole_noise is None else evidence.whole_noise**2
+    return float(area * square / evidence.frame_noise**2)
 
 
 def _interval(excess: float, variance: float) -> tuple[float, ...]:
@@ -182,8 +184,8 @@ def _excess_over_noise(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
     floor = float(np.median(noise))
     if not floor:
         # Most of the frame is noiseless: black, or nothing but light.
-        floor = float(np.median(noise[noise > 0.0])) if noise.any() else evidence.mean_noise
-    floor = max(floor, TUNING.min_noise_share * evidence.mean_noise)
+        floor = float(np.median(noise[noise > 0.0])) if noise.any() else evidence.whole_frame_noise
+    floor = max(floor, TUNING.min_noise_share * evidence.whole_frame_noise)
     per_noise = np.where(evidence.refined, 0.0, 0.5 / np.maximum(noise, floor))
     expected, error = _expected(evidence)
     return per_noise * expected, per_noise * error

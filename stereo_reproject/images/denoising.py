@@ -28,13 +28,13 @@ scene-linear colour (H, W, 3) of each."""
 class Denoising:
     """A denoiser, and how much noise it has left in the source.
 
-    left_noise is the mean variance of that in a pixel, after `metrics.tone` (`images/left_noise`); it is 0 as long as
-    it was not measured. wraps: True where pictures go on at their left beyond their right side: the denoiser then sees
-    `ImagesTuning.denoise_sides_px` of the other side beyond each.
+    residual_noise is the mean variance of that in a pixel, after `metrics.tone` (`images/residual_noise`); None as long
+    as it was not measured. wraps: True where pictures go on at their left beyond their right side: the denoiser then
+    sees `ImagesTuning.denoise_sides_px` of the other side beyond each.
     """
 
     denoise: Denoise
-    left_noise: float = 0.0
+    residual_noise: float | None = None
     wraps: bool = False
 
     def denoised_colour(self, passes: Passes) -> NDArray[np.float32]:

@@ -58,17 +58,17 @@ class ImagesTuning:
     """Pixels each way from refined tiles within which warped colours are blended with the target's own denoised ones.
     By hand, about the width of a tile: with it the edges of tiles no longer show on living-room's floor, and its noise
     ratio falls from 1.137 to 1.128 (docs/production.md)."""
-    left_noise_share: float = 0.55
-    """Variance that a denoiser leaves of noise, over what `images/left_noise` makes of noise and detail. By measurement
-    on five scenes at 960 x 540 with 64 samples, where it is 0.47 to 0.67 (docs/production.md); smaller pictures have
-    more: 0.55 to 0.95 at 320 x 180."""
-    left_noise_error: float = 0.3
+    residual_noise_share: float = 0.55
+    """Variance of the noise that a denoiser leaves, over what `images/residual_noise` makes of noise and detail. By
+    measurement on five scenes at 960 x 540 with 64 samples, where it is 0.47 to 0.67 (docs/production.md); smaller
+    pictures have more: 0.55 to 1.17 at 320 x 180."""
+    residual_noise_relative_error: float = 0.3
     """Standard error of that, as a share of it. By measurement on the same pictures and smaller ones, with 16 to 256
     samples."""
-    left_noise_reach_px: tuple[int, int] = (2, 2)
+    residual_noise_reach_px: tuple[int, int] = (2, 2)
     """Pixels, down and across, over which the noise of a picture is averaged for that. By hand: with one or three it
     differs by as much from scene to scene."""
-    left_noise_detail_reach_px: tuple[int, int] = (1, 1)
+    residual_noise_detail_reach_px: tuple[int, int] = (1, 1)
     """Pixels, down and across, from whose mean a pixel differs by its detail. By measurement on ten pictures: with two,
     what the denoiser leaves varies more from scene to scene (log deviation 0.30 in place of 0.27)."""
     denoise_sides_px: int = 32

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.denoising import Denoising, denoise_source
-from ..images.left_noise import left_noise
 from ..images.metrics import weighted_mean
 from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes, without_internal_passes
 from ..images.reflected_light import without_sparks
+from ..images.residual_noise import residual_noise
 from ..images.seen_light import display_scale, scaled_light
 from ..settings.accuracy import Accuracy, for_denoised, for_size
 from ..trace.fill import SourceCost
 from ..views.camera import goes_round
-from ..views.solid_angle import pixel_weights
+from ..views.solid_angle import LEAST_WEIGHT, pixel_weights
 from ..warp.composite import not_numbers, replace_non_finite
 from ..warp.rendered_view import RenderedView
 from .stages import Stage
@@ -93,9 +93,18 @@ def render_source(
     seen = RenderedView(task.source, passes, invalid, cost)
     del passes
     if denoising is not None and probed:
-        noise = weighted_mean(left_noise(seen.passes), pixel_weights(task.source.camera))
-        denoising = replace(denoising, left_noise=noise)
+        denoising = replace(denoising, residual_noise=_residual_noise(seen))
     return Source(seen, scale, lost, denoising, accuracy)
+
+
+def _residual_noise(seen: RenderedView) -> float:
+    """Return the mean variance, after `metrics.tone`, of the noise that is left in a pixel of a denoised source, each
+    by its weight; pixels that show nothing, or were no number, do not count."""
+    weight = np.broadcast_to(pixel_weights(seen.view.camera), seen.passes[COLOUR_PASS].shape[:2])
+    known = weight > LEAST_WEIGHT
+    if seen.invalid is not None:
+        known &= ~seen.invalid
+    return weighted_mean(residual_noise(seen.passes, known)[known], weight[known]) if known.any() else 0.0
 
 
 def _rendered(task: FrameTask, *, probed: bool) -> tuple[Passes, SourceCost]:

@@ -39,7 +39,7 @@ class Catcher:
             variance_share=np.ones(SIZE, np.float32),
             single=None,
         )
-        denoising = Denoising(lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures]) if denoised else None
+        denoising = Denoising(lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures], 0.0) if denoised else None
         planner = FillPlanner("packed", SourceCost(60.0, 1.0), {})
         self.eye = ProbedTracing(
             self,

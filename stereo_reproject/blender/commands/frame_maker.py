@@ -28,12 +28,8 @@ from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
 from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
-from ..scene.rendered import camera_at
 from ..scene.working import WorkingScenes
 from .processes import module_in_blender
-
-FRAMES_OF_ONE_NOISE_LEVEL = 24
-"""Frames in a row, by the same camera, for which the denoiser is taken to leave the same share of the noise."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +50,13 @@ class AgreedFindings(SharedFindings):
     """Findings of an animation's first frame, whichever run has rendered it, so that a frame rendered again comes out
     the same.
 
-    They are kept in the journal, which all runs share: the first finding of a key holds. block is what a frame shares
-    with its neighbours; findings about noise are made once for each block. Methods raise OutputError where the journal
-    cannot be used.
+    They are kept in the journal, which all runs share: the first finding of a key holds. Methods raise OutputError
+    where the journal cannot be used.
     """
 
-    def __init__(self, context: FrameContext, layer: str, block: tuple[int, str]) -> None:
+    def __init__(self, context: FrameContext, layer: str) -> None:
         self._journal = context.journal
-        of_layer = [context.wanted.settings, dict(context.wanted.scene), layer]
-        self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
+        self._of_layer = digest([context.wanted.settings, dict(context.wanted.scene), layer])[:16]
 
     def cost(self, found: SourceCost) -> SourceCost:
         """Return the agreed cost of a source; `found`, this frame's own, becomes it if there is none yet."""
@@ -187,10 +181,9 @@ class BlenderFrameMaker(ABC):
 
         return replace(self._listener.onlooker, on_stage=on_stage)
 
-    def _findings_at(self, frame: int) -> Callable[[str], SharedFindings]:
-        """Return a function that returns, for a view layer's name, what the frames of the animation have found."""
-        block = self._block_of(frame)
-        return lambda layer: AgreedFindings(self._context, layer, block)
+    def _findings_of(self, layer: str) -> SharedFindings:
+        """Return what the frames of the animation have found about a view layer."""
+        return AgreedFindings(self._context, layer)
 
     def _record(self, frame: int, figures: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of a frame's record, with these figures, but for its files."""
@@ -201,13 +194,6 @@ class BlenderFrameMaker(ABC):
             "run": self._context.token,
             "figures": figures,
         }
-
-    def _block_of(self, frame: int) -> tuple[int, str]:
-        """Return the key of the block of frames, seen by one camera, that share a noise level with this one: the
-        frame's number divided by `FRAMES_OF_ONE_NOISE_LEVEL`, rounded down, and the camera's name.
-        """
-        camera = camera_at(self._scene, frame)
-        return frame // FRAMES_OF_ONE_NOISE_LEVEL, camera.name_full if camera else ""
 
     def _is_compared(self, frame: int) -> bool:
         """Return whether this frame is one of those that are compared with multiview."""

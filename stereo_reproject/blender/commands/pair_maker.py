@@ -73,7 +73,7 @@ class PairMaker(BlenderFrameMaker):
             settings,
             self._work,
             onlooker=self._onlooker_at(frame),
-            sequence=InSequence(self._scenes, self._findings_at(frame), self._last is None, self._keys),
+            sequence=InSequence(self._scenes, self._findings_of, self._last is None, self._keys),
         )
         figures = self._figures(pair, report)
         self._hand_out(folder, pair)

@@ -46,7 +46,7 @@ class ViewsFrameMaker(BlenderFrameMaker):
             ViewPlaces(self._work, folder / VIEWS_FOLDER, keeps_passes=keeps_passes),
             self._onlooker_at(frame),
             self._listener.warn,
-            SharedFrame(self._scenes, self._findings_at(frame), learns=self._last is None),
+            SharedFrame(self._scenes, self._findings_of, learns=self._last is None),
         )
         wall = time.perf_counter() - start
         figures = {**_figures(report), "wall_seconds": wall, "compare": None}

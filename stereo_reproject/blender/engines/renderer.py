@@ -272,8 +272,10 @@ class BlenderRenderer:
 
 
 def _with_effects(renderer: BlenderRenderer, passes: Passes, rendered: Rendered) -> Passes:
-    """Return the passes (N, C) of traced pixels with that of the effects that they show, where their render tells
-    it."""
+    """Return the passes (N, C) of traced pixels with that of the effects that they show, where their render tells it;
+    in a noisy picture nothing asks for it."""
+    if renderer.denoise is None:
+        return passes
     return {**passes, **effects_in(renderer.scene, renderer.plan, passes, rendered.attributes)}
 
 

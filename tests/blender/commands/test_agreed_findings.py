@@ -29,11 +29,11 @@ def agreed_costs(findings, known, measure, packed_by="osl"):
 def findings(tmp_path):
     """As a run has it that has just started on the frames in the folder."""
 
-    def of(run, *, wanted=WANTED, layer="ViewLayer", block=0):
+    def of(run, *, wanted=WANTED, layer="ViewLayer"):
         journal = Journal(tmp_path, "shot_")
         journal.place.make()
         context = FrameContext(StereoSettings(), AnimationSettings(), journal, wanted, run, half_floats=True)
-        return AgreedFindings(context, layer, (block, "Camera"))
+        return AgreedFindings(context, layer)
 
     return of
 
@@ -42,12 +42,12 @@ def findings(tmp_path):
 def test_what_one_run_has_measured_the_others_keep_to(findings, faster):
     assert findings("first").gpu_is_faster(lambda: faster) is faster
     assert findings("second").gpu_is_faster(never) is faster
-    assert findings("third", block=7).gpu_is_faster(never) is faster
+    assert findings("third").gpu_is_faster(never) is faster
 
 
 def test_by_what_one_run_has_decided_which_views_are_rendered_the_others_do(findings):
     assert findings("first").view_costs(ViewCosts(1.25, 0.05)) == ViewCosts(1.25, 0.05)
-    assert findings("second", block=7).view_costs(ViewCosts(2.0, 0.5)) == ViewCosts(1.25, 0.05)
+    assert findings("second").view_costs(ViewCosts(2.0, 0.5)) == ViewCosts(1.25, 0.05)
     assert findings("third", layer="Another").view_costs(ViewCosts(2.0, 0.5)) == ViewCosts(2.0, 0.5)
 
 
@@ -79,7 +79,7 @@ def test_all_choose_by_the_costs_of_the_first(findings):
     agreed = replace(first, source=AGREED)
     assert agreed_costs(findings("first"), first, never) == agreed
     assert agreed_costs(findings("second"), other, never) == agreed
-    assert agreed_costs(findings("third", block=7), ASSUMED_COSTS, never) == agreed
+    assert agreed_costs(findings("third"), ASSUMED_COSTS, never) == agreed
     assert agreed_costs(findings("first", layer="Another"), other, never) == replace(other, source=AGREED)
 
 

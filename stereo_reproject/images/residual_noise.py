@@ -19,7 +19,7 @@ from .passes import COLOUR_PASS, NOISY_PASS, Passes
 from .tuning import TUNING
 
 
-def left_noise(passes: Passes, known: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+def residual_noise(passes: Passes, known: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
     """Return the variance (H, W), after `metrics.tone`, of the noise that denoising has left in each pixel.
 
     passes has NOISY_PASS and the denoised COLOUR_PASS. Only the pixels of known (H, W), None for all, count; it is 0
@@ -27,25 +27,29 @@ def left_noise(passes: Passes, known: NDArray[np.bool_] | None = None) -> NDArra
     """
     noisy, colour = passes[NOISY_PASS], passes[COLOUR_PASS]
     result = np.zeros(colour.shape[:2], np.float32)
-    reach = max(TUNING.left_noise_reach_px[0], TUNING.left_noise_detail_reach_px[0])
+    reach = max(TUNING.residual_noise_reach_px[0], TUNING.residual_noise_detail_reach_px[0])
     for rows in bands(result.shape):
         around = slice(max(rows.start - reach, 0), rows.stop + reach)
         of_band = np.ones(result[around].shape, bool) if known is None else known[around]
-        left = _left_in(noisy[around], colour[around], of_band)
-        result[rows] = left[rows.start - around.start :][: rows.stop - rows.start]
+        part = _residual_in(noisy[around], colour[around], of_band)
+        result[rows] = part[rows.start - around.start :][: rows.stop - rows.start]
     return result
 
 
-def _left_in(noisy: NDArray[np.float32], colour: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return `left_noise` of some rows of a picture, whose scene-linear colours (h, W, >= 3) are noisy and denoised."""
+def _residual_in(
+    noisy: NDArray[np.float32], colour: NDArray[np.float32], known: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return `residual_noise` of some rows of a picture, whose scene-linear colours (h, W, >= 3) these are."""
     noise, detail = np.zeros(known.shape), np.zeros(known.shape)
-    detail_reach = TUNING.left_noise_detail_reach_px
+    detail_reach = TUNING.residual_noise_detail_reach_px
     near = np.maximum(box_sum(known, detail_reach), 1.0)
+    # What is not known may be no number.
+    noisy, colour = (np.where(known[..., None], image, np.float32(0.0)) for image in (noisy, colour))
     for channel in range(COLOUR_CHANNELS):
-        clean = judged_channel(colour, channel) * known
-        noise += (judged_channel(noisy, channel) * known - clean) ** 2 / COLOUR_CHANNELS
+        clean = judged_channel(colour, channel)
+        noise += (judged_channel(noisy, channel) - clean) ** 2 / COLOUR_CHANNELS
         detail += (clean - box_sum(clean, detail_reach) / near) ** 2 * known / COLOUR_CHANNELS
-    reach = TUNING.left_noise_reach_px
+    reach = TUNING.residual_noise_reach_px
     noise = np.maximum(box_sum(noise, reach), 0.0) / np.maximum(box_sum(known, reach), 1.0)
     both = noise + detail
-    return TUNING.left_noise_share * noise * detail / np.where(both > 0.0, both, 1.0)
+    return TUNING.residual_noise_share * noise * detail / np.where(both > 0.0, both, 1.0)
