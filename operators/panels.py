@@ -29,6 +29,7 @@ from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
+    fewer_samples_words,
     preview_size_words,
 )
 from .results import result_of
@@ -219,12 +220,16 @@ class _Preview:
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the settings of the preview's size and samples, and the pixels that the whole frame will have."""
+        """Draw the settings of the preview's size and samples, the pixels that the whole frame will have, and the
+        samples where they are fewer than asked for."""
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
         paragraph(layout, context, preview_size_words(scene))
         draw_setting(layout, context, chosen, "preview_samples")
+        fewer = fewer_samples_words(scene)
+        if fewer is not None:
+            paragraph(layout, context, fewer)
 
 
 class _Advanced:

@@ -181,7 +181,7 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     )
     preview_samples: bpy.props.IntProperty(
         name="Samples",
-        description="Samples of each pixel of the preview",
+        description="Samples of each pixel of the preview, but never more than the scene has",
         min=1,
         soft_max=1024,
         **_number("preview_samples"),
