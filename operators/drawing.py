@@ -32,7 +32,7 @@ from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_repro
 from .results import Delivery, Result, result_of
 from .run import BackgroundJob
 from .slots import content_now
-from .stereo import is_set_anew
+from .stereo import set_anew_words
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
@@ -42,8 +42,6 @@ figure needs more."""
 
 BUTTON_SCALE = 1.3
 """Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
-
-SET_ANEW = "The camera's stereo settings were changed since: render again to see their effect."
 
 ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 """Icons of a verdict, by `Verdict.good`."""
@@ -147,12 +145,10 @@ def _draw_result(box: bpy.types.UILayout, context: bpy.types.Context, result: Re
     if not _is_shown(context, delivery):
         paragraph(box, context, "Another picture is shown now.", icon="INFO")
     report = result.report
-    if (
-        report is not None
-        and report["frame"] == context.scene.frame_current
-        and is_set_anew(context.scene, report["stereo"])
-    ):
-        paragraph(box, context, SET_ANEW, icon="INFO")
+    if report is not None and report["frame"] == context.scene.frame_current:
+        anew = set_anew_words(context.scene, report)
+        if anew is not None:
+            paragraph(box, context, anew, icon="INFO")
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     draw_noted(box, context, result.warnings)
