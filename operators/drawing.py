@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.blender.output.animation_output import existing_as_set
 from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
@@ -31,6 +32,7 @@ from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
 from .run import BackgroundJob
+from .run_words import cancelled_and_on
 from .slots import content_now
 from .stereo import set_anew_words
 from .text import sentence, shown
@@ -126,7 +128,10 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     _draw_kept(layout, context)
     result = result_of(context.scene)
     if result.ended:
-        text = Words("{sentence}.", sentence=result.ended.removesuffix("."))
+        ended = result.ended.removesuffix(".")
+        if result.frames_stay:
+            ended = cancelled_and_on(ended, existing_as_set(context.scene))
+        text = Words("{sentence}.", sentence=ended)
         paragraph(layout, context, text, icon="ERROR" if result.failed else "INFO")
     if result.delivery is not None:
         _draw_result(layout.box(), context, result, result.delivery)

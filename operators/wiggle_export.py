@@ -59,7 +59,8 @@ def _rename(operator: STEREO_REPROJECT_OT_export_wiggle, context: bpy.types.Cont
 
 
 class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
-    """Save the stereo pair as a file that shows one eye after the other, for ever: an animated GIF, or a movie (MP4)"""
+    """Save the stereo pair as a file that shows one eye after the other: an animated GIF, which plays for ever, or a
+    movie (MP4) of ten seconds"""
 
     bl_idname = "stereo_reproject.export_wiggle"
     bl_label = "Export Wiggle"
