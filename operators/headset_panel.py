@@ -22,9 +22,7 @@ PANORAMA_ALREADY = "The camera is a panorama already: its own lens and the resol
 NO_SCREEN = (
     "In a headset there is no screen. Nothing should be nearer to the camera than its interocular distance, {length}."
 )
-ONE_COUNTS = (
-    "For {panorama} only the interocular distance counts: both eyes look in parallel, and stand evenly beside the camera."
-)
+ONE_COUNTS = "For {panorama} only the interocular distance counts: the eyes are parallel, evenly beside the camera."
 GREY_DOES_NOT_COUNT = "What is grey does not count for this camera."
 TURNED_APART = "Eyes turn apart by {degrees}° to look at what is far away: set the mode to Parallel."
 

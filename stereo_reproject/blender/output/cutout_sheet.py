@@ -20,7 +20,16 @@ from ...pipeline.stereo_frame import StereoFrame, colour
 from ...views.cutouts import Cutout, cutouts_of, natural_size
 from ...views.panorama import PanoramicCamera
 from .delivery import deliver_side_by_side
-from .pictures import coloured_holes, display, drawn, legend_below, legend_of_holes, read_png, shares_by_reason, text_scale
+from .pictures import (
+    coloured_holes,
+    display,
+    drawn,
+    legend_below,
+    legend_of_holes,
+    read_png,
+    shares_by_reason,
+    text_scale,
+)
 
 SIZES_PX = (192, 640)
 """Least and greatest width of a cut-out in the sheet: of less its title has no room, and five of more are wider than
