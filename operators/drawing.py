@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.blender.output.animation_output import existing_as_set
 from ..stereo_reproject.blender.scene.denoiser import NO_DENOISER
 from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
@@ -31,8 +32,9 @@ from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
 from .run import BackgroundJob
+from .run_words import cancelled_and_on
 from .slots import content_now, holds
-from .stereo import is_set_anew
+from .stereo import set_anew_words
 from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
@@ -42,8 +44,6 @@ figure needs more."""
 
 BUTTON_SCALE = 1.3
 """Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
-
-SET_ANEW = "The camera's stereo settings were changed since: render again to see their effect."
 
 ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 """Icons of a verdict, by `Verdict.good`."""
@@ -128,7 +128,10 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     _draw_kept(layout, context)
     result = result_of(context.scene)
     if result.ended:
-        text = Words("{sentence}.", sentence=result.ended.removesuffix("."))
+        ended = result.ended.removesuffix(".")
+        if result.frames_stay:
+            ended = cancelled_and_on(ended, existing_as_set(context.scene))
+        text = Words("{sentence}.", sentence=ended)
         paragraph(layout, context, text, icon="ERROR" if result.failed else "INFO")
     if result.delivery is not None:
         _draw_result(layout.box(), context, result, result.delivery)
@@ -148,12 +151,10 @@ def _draw_result(box: bpy.types.UILayout, context: bpy.types.Context, result: Re
     if elsewhere is not None:
         paragraph(box, context, elsewhere, icon="INFO")
     report = result.report
-    if (
-        report is not None
-        and report["frame"] == context.scene.frame_current
-        and is_set_anew(context.scene, report["stereo"])
-    ):
-        paragraph(box, context, SET_ANEW, icon="INFO")
+    if report is not None and report["frame"] == context.scene.frame_current:
+        anew = set_anew_words(context.scene, report)
+        if anew is not None:
+            paragraph(box, context, anew, icon="INFO")
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     draw_noted(box, context, result.warnings)

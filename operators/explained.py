@@ -28,7 +28,8 @@ _OF_NOISE = (
 )
 _OF_SPEED = (
     "Speed: how many times as fast as rendering both eyes whole, as Blender's multiview does. It is measured with"
-    " Compare alone; else the time of both eyes is estimated from that of the rendered eye"
+    " Compare alone; else the time of both eyes is estimated from that of the rendered eye: twice as long, less the"
+    " time in which Blender prepares the scene, which it does once for both"
 )
 _OF_REASONS = {
     Reason.DISOCCLUDED: "something nearer stands before them there",

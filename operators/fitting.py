@@ -74,6 +74,9 @@ def draw_setting(
     if owner.bl_rna.properties[name].type == "BOOLEAN":
         # The name of a checkbox stands in the other part, and goes on to the panel's end.
         above = not fits(context, title, 1.0 - NAME_SHARE, 2.0 * TEXT_MARGINS_PX)
+        if above:
+            _draw_wide_checkbox(layout, context, owner, name, title)
+            return
     column = layout.column(align=True)
     column.use_property_decorate = False
     column.use_property_split = not above
@@ -81,3 +84,16 @@ def draw_setting(
         for line in wrapped(shown(title), room_for_text(context), partial(text_width, context)):
             column.label(text=line)
     column.row(align=True).prop(owner, name, text="" if above and not expand else title, expand=expand)
+
+
+def _draw_wide_checkbox(
+    layout: bpy.types.UILayout, context: bpy.types.Context, owner: bpy.types.bpy_struct, name: str, title: str
+) -> None:
+    """Draw a checkbox at the panel's left border, with its title beside it in as many lines as it needs."""
+    row = layout.row(align=True)
+    row.use_property_decorate = row.use_property_split = False
+    row.prop(owner, name, text="")
+    lines = row.column(align=True)
+    room = room_for_text(context) - ICON_PX * context.preferences.system.ui_scale
+    for line in wrapped(shown(title), room, partial(text_width, context)):
+        lines.label(text=line)

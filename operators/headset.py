@@ -34,6 +34,14 @@ CHOICES = [
 ]
 """Items of the setting that says what is rendered."""
 
+STEREO_SETTINGS = {
+    "convergence_mode": "Mode",
+    "interocular_distance": "Interocular",
+    "convergence_distance": "Convergence",
+    "pivot": "Pivot",
+}
+"""A camera's own stereo settings, with their names in the panel, in its order."""
+
 LEAST_HEIGHT_PX = 4
 HEIGHT_PX = 4096
 
@@ -51,6 +59,22 @@ def is_for_headset(scene: bpy.types.Scene) -> bool:
     if asked_panorama(scene) is not None:
         return True
     return camera is not None and camera.type == "CAMERA" and has_no_screen(camera.data)
+
+
+def stereo_settings_that_count(scene: bpy.types.Scene) -> set[str]:
+    """Return the names of those stereo settings of the scene's camera that have an effect on its pair: of a panorama
+    that the panel asks for the interocular distance alone, since its eyes are parallel and beside the camera."""
+    names = {"interocular_distance"}
+    if asked_panorama(scene) is not None:
+        return names
+    data = scene.camera.data
+    mode, no_screen = data.stereo.convergence_mode, has_no_screen(data)
+    names.add("convergence_mode")
+    # The eyes of spherical stereo stand evenly about the camera; other panoramas are not shifted.
+    is_spherical = no_screen and data.stereo.use_spherical_stereo
+    if mode == "TOE" or (mode == "OFFAXIS" and (is_spherical or not no_screen)):
+        names.add("convergence_distance")
+    return names if is_spherical else names | {"pivot"}
 
 
 def panorama_size(scene: bpy.types.Scene, panorama: str) -> tuple[int, int]:

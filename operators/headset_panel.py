@@ -11,14 +11,19 @@ from ..stereo_reproject.views.comfort import MAX_VERGENCE_DEGREES, turned_apart_
 from ..stereo_reproject.words import Words
 from .drawing import paragraph
 from .fitting import draw_setting
-from .headset import CHOICES, FLAT, asked_panorama, panorama_size
+from .headset import CHOICES, FLAT, STEREO_SETTINGS, asked_panorama, panorama_size, stereo_settings_that_count
 from .lengths import length_words
+
+NAMES = {name: text for name, text, _ in CHOICES}
+"""Words for the choices of what is rendered."""
 
 PANORAMA_ALREADY = "The camera is a panorama already: its own lens and the resolution in Output count."
 
 NO_SCREEN = (
     "In a headset there is no screen. Nothing should be nearer to the camera than its interocular distance, {length}."
 )
+ONE_COUNTS = "For {panorama} only the interocular distance counts: the eyes are parallel, evenly beside the camera."
+GREY_DOES_NOT_COUNT = "What is grey does not count for this camera."
 TURNED_APART = "Eyes turn apart by {degrees}° to look at what is far away: set the mode to Parallel."
 
 
@@ -50,9 +55,8 @@ def draw_panorama(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
     panorama = asked_panorama(scene)
     if panorama is None:
         return
-    names = {name: text for name, text, _ in CHOICES}
     width, height = panorama_size(scene, panorama)
-    text = Words("{panorama}, {width} x {height} pixels", panorama=names[panorama], width=width, height=height)
+    text = Words("{panorama}, {width} x {height} pixels", panorama=NAMES[panorama], width=width, height=height)
     paragraph(layout, context, text, icon="INFO")
 
 
@@ -61,8 +65,13 @@ def draw_comfort(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     scene = context.scene
     stereo = scene.camera.data.stereo
     paragraph(layout, context, Words(NO_SCREEN, length=length_words(scene, stereo.interocular_distance)), icon="INFO")
+    panorama = asked_panorama(scene)
+    if panorama is not None:
+        paragraph(layout, context, Words(ONE_COUNTS, panorama=NAMES[panorama]))
+    elif len(stereo_settings_that_count(scene)) < len(STEREO_SETTINGS):
+        paragraph(layout, context, GREY_DOES_NOT_COUNT)
     # A perspective camera gets parallel eyes where it is set up for a headset.
-    made_parallel = asked_panorama(scene) is not None and scene.camera.data.type == "PERSP"
+    made_parallel = panorama is not None and scene.camera.data.type == "PERSP"
     parallel = made_parallel or stereo.convergence_mode == "PARALLEL"
     apart = turned_apart_degrees(stereo.interocular_distance, math.inf if parallel else stereo.convergence_distance)
     if apart > MAX_VERGENCE_DEGREES:

@@ -19,7 +19,7 @@ from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .redraw import redraw_panels
 from .results import has_preview, result_of
 from .run import BackgroundJob, other_windows
-from .run_words import RunProgress, cancelled_words, run_progress, ways_to_say
+from .run_words import RunProgress, cancelled_and_on, cancelled_words, run_progress, ways_to_say
 from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
@@ -212,15 +212,16 @@ class JobOperator:
         return True
 
     def _end_without_result(
-        self, kind: set[str], words: str, scene: bpy.types.Scene | None, *, frames_stay: bool = False
+        self, kind: set[str], words: str, scene: bpy.types.Scene | None, *, existing: str | None = None
     ) -> None:
-        """Report, as this kind, why a job has no result, and keep it for the scene's panels, with frames_stay that
-        frames of an animation are there: the report may be lost with the window that was opened for the job.
+        """Report, as this kind, why a job has no result, and keep it for the scene's panels: the report may be lost
+        with the window that was opened for the job. Where frames of an animation stay, existing says what the next run
+        does with them, and the report how to go on; the panels say so by what is set then.
         """
-        self.report(kind, words)
+        self.report(kind, words if existing is None else reported(cancelled_and_on(words, existing)))
         if scene is not None:
             result = result_of(scene)
-            result.ended, result.failed, result.frames_stay = words, kind == {"ERROR"}, frames_stay
+            result.ended, result.failed, result.frames_stay = words, kind == {"ERROR"}, existing is not None
 
     def _finish(self) -> set[str]:
         """Hand over the result of the run that is over, and return what Blender expects: {"FINISHED"} or {"CANCELLED"}.
@@ -236,9 +237,9 @@ class JobOperator:
         except StereoReprojectError as error:
             if run.cancelled:
                 words = reported(cancelled_words(run))
-                stays = run.animation is not None and bool(run.frames_finished or run.animation.there_already())
-                self._end_without_result({"INFO"}, words, _scene_of(run), frames_stay=stays)
-                if not stays:
+                existing = _existing_of_cancelled(run)
+                self._end_without_result({"INFO"}, words, _scene_of(run), existing=existing)
+                if existing is None:
                     # It says nothing that anyone needs to know for longer.
                     _forget_later(run, words)
             else:
@@ -271,6 +272,15 @@ class JobOperator:
             self._told = ways
             _show(ways[0][0])
             under_way.say(ways)
+
+
+def _existing_of_cancelled(run: BackgroundJob) -> str | None:
+    """Return the setting by which the next run takes the frames that stay of a cancelled animation; None where none
+    stay."""
+    animation = run.animation
+    if animation is None or not (run.frames_finished or animation.there_already()):
+        return None
+    return animation.settings.existing
 
 
 def _forget_later(run: BackgroundJob, words: str) -> None:

@@ -18,7 +18,7 @@ from .drawing import draw_buttons, draw_noted, draw_outcome, paragraph
 from .explained import EYES, draw_heading
 from .fitting import draw_setting, fits
 from .frames_shown import STEREO_REPROJECT_OT_look_at_frame
-from .headset import is_for_headset, panorama_obstacle
+from .headset import STEREO_SETTINGS, is_for_headset, panorama_obstacle, stereo_settings_that_count
 from .headset_panel import Headset, draw_comfort, draw_panorama
 from .jobs import running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
@@ -29,6 +29,7 @@ from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
+    fewer_samples_words,
     preview_size_words,
 )
 from .results import result_of
@@ -145,13 +146,11 @@ class _Camera:
         for_headset = is_for_headset(scene)
         if not for_headset:
             draw_heading(layout, EYES)
-        column = layout.column(align=True)
-        draw_setting(column, context, stereo, "convergence_mode", text="Mode")
-        draw_setting(column, context, stereo, "interocular_distance", text="Interocular")
-        sub = column.column(align=True)
-        sub.active = stereo.convergence_mode != "PARALLEL"
-        draw_setting(sub, context, stereo, "convergence_distance", text="Convergence")
-        draw_setting(column, context, stereo, "pivot")
+        column, count = layout.column(align=True), stereo_settings_that_count(scene)
+        for name, text in STEREO_SETTINGS.items():
+            sub = column.column(align=True)
+            sub.active = name in count
+            draw_setting(sub, context, stereo, name, text=text)
         if for_headset:
             draw_comfort(layout, context)
             return
@@ -219,12 +218,16 @@ class _Preview:
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the settings of the preview's size and samples, and the pixels that the whole frame will have."""
+        """Draw the settings of the preview's size and samples, the pixels that the whole frame will have, and the
+        samples where they are fewer than asked for."""
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         draw_setting(layout, context, chosen, "preview_percentage")
         paragraph(layout, context, preview_size_words(scene))
         draw_setting(layout, context, chosen, "preview_samples")
+        fewer = fewer_samples_words(scene)
+        if fewer is not None:
+            paragraph(layout, context, fewer)
 
 
 class _Advanced:

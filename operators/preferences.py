@@ -107,7 +107,7 @@ class StereoReprojectPreferences(bpy.types.AddonPreferences):
     )
     preview_samples: bpy.props.IntProperty(
         name="Preview Samples",
-        description="Samples of each pixel of a preview",
+        description="Samples of each pixel of a preview, but never more than its scene has",
         default=PREVIEW_SAMPLES,
         min=1,
         soft_max=1024,

@@ -22,7 +22,7 @@ FILLS = {
 }
 
 CAMERAS = {
-    "auto": ("Automatic", "An OSL camera where Cycles has one that can trace the scene, else a Ray Portal"),
+    "auto": ("Auto", "An OSL camera where Cycles has one that can trace the scene, else a Ray Portal"),
     "osl": ("OSL", "A camera in OSL (CPU and OptiX)"),
     "portal": ("Ray Portal", "A plain camera that looks through a Ray Portal (every device)"),
 }
@@ -46,7 +46,7 @@ LOOKUPS = {
 }
 
 WARP_STAGES = {
-    "auto": ("Automatic", "In animations of large pictures the faster of the two, which is measured; else NumPy"),
+    "auto": ("Auto", "In animations of large pictures the faster of the two, which is measured; else NumPy"),
     "numpy": ("NumPy", "On one core of the processor"),
     "gpu": ("GPU", "On the graphics card; as NumPy where none can be used"),
 }
@@ -181,7 +181,7 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     )
     preview_samples: bpy.props.IntProperty(
         name="Samples",
-        description="Samples of each pixel of the preview",
+        description="Samples of each pixel of the preview, but never more than the scene has",
         min=1,
         soft_max=1024,
         **_number("preview_samples"),

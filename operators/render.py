@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
+from ..stereo_reproject.blender.engines.time_limit import samples_asked_for
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.output.delivery import deliver_to_result, pixels_of
 from ..stereo_reproject.blender.output.stamp import with_render_time
@@ -239,7 +240,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     if preview:
         denoise = True if _by_cycles(scene) and has_denoiser(scene) else None
         size = preview_size_of(scene)
-        overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
+        overrides = replace(overrides, size=size, samples=preview_samples_of(scene), denoise=denoise)
     return StereoSettings(
         source=chosen.source,
         accuracy=chosen.accuracy,
@@ -270,6 +271,26 @@ def preview_size_words(scene: bpy.types.Scene) -> Words:
         if size == (region.full_width, region.full_height):
             message = "{width} x {height} pixels for each eye, as many as the whole picture has."
     return Words(message, width=size[0], height=size[1])
+
+
+def preview_samples_of(scene: bpy.types.Scene) -> int:
+    """Return the samples per pixel of the scene's preview, as it is set up now: never more than a full render
+    has, of view layers with numbers of their own the greatest."""
+    full = scene.eevee.taa_render_samples
+    if _by_cycles(scene):
+        of_layers = (samples_asked_for(scene, layer) for layer in scene.view_layers if layer.use)
+        full = max(of_layers, default=scene.cycles.samples)
+    return min(scene.stereo_reproject.preview_samples, full)
+
+
+def fewer_samples_words(scene: bpy.types.Scene) -> Words | None:
+    """Return a sentence about the samples of the scene's preview where they are fewer than what was asked for; None
+    where they are not."""
+    count = preview_samples_of(scene)
+    if count >= scene.stereo_reproject.preview_samples:
+        return None
+    message = "{count} samples, as many as the whole picture has." if count > 1 else "1 sample, as the whole picture."
+    return Words(message, count=count)
 
 
 def preview_size(region: FrameRegion, percentage: int, least_px: int) -> tuple[int, int]:

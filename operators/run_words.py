@@ -103,7 +103,7 @@ def saved_so_far(run: BackgroundJob) -> str:
 
 
 def cancelled_words(run: BackgroundJob) -> str:
-    """Return a line that says what stays of a run that was cancelled, what was there before it, and how to go on."""
+    """Return a line that says what stays of a run that was cancelled, and what was there before it."""
     if run.animation is None:
         return Words("Cancelled: nothing was changed")
     finished, there = run.frames_finished, run.animation.there_already()
@@ -112,7 +112,11 @@ def cancelled_words(run: BackgroundJob) -> str:
     if there:
         before = "{cancelled}, 1 was there already" if there == 1 else "{cancelled}, {count} were there already"
         words = Words(before, cancelled=words, count=there)
-    elif not finished:
-        return words
-    how = GOES_ON_WITHOUT_OVERWRITE if run.animation.settings.existing == "overwrite" else GOES_ON
-    return Words("{cancelled}. {how}", cancelled=words, how=Words(how))
+    return words
+
+
+def cancelled_and_on(cancelled: str, existing: str) -> str:
+    """Return the line of `cancelled_words` about an animation of which frames stay, with how to go on; existing says
+    what is done with these, as in `AnimationSettings`."""
+    how = GOES_ON_WITHOUT_OVERWRITE if existing == "overwrite" else GOES_ON
+    return Words("{cancelled}. {how}", cancelled=cancelled, how=Words(how))

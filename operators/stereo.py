@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.blender.scene.panoramas import is_panorama
 from ..stereo_reproject.blender.scene.rig import (
     check_camera,
     convergence_of_screen,
@@ -20,9 +21,12 @@ from ..stereo_reproject.views.comfort import Viewing, depth_at_parallax
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT
 from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
 from ..stereo_reproject.words import Words
-from .headset import is_for_headset
+from .headset import asked_panorama, is_for_headset, stereo_settings_that_count
 from .results import result_of
 from .text import reported, sentence, shown
+
+CAMERA_SET_ANEW = "The camera's stereo settings were changed since: render again to see their effect."
+HEADSET_SET_ANEW = "The headset setting was changed since: render again to see its effect."
 
 
 class EditsCamera:
@@ -166,17 +170,24 @@ def depth_of_cuts(scene: bpy.types.Scene) -> float | None:
     return depth_at_parallax(left, right, -MIN_CUT_PERCENT, width)
 
 
-def is_set_anew(scene: bpy.types.Scene, stereo: Mapping[str, Any]) -> bool:
-    """Return whether the stereo settings of the camera are others than those of a pair; stereo is the part of that name
-    of the pair's report. A parallel camera's convergence distance has no effect.
+def set_anew_words(scene: bpy.types.Scene, report: Mapping[str, Any]) -> str | None:
+    """Return a sentence about what of the stereo settings was changed since the pair with this report was rendered, at
+    the scene's present frame; None where nothing was that has an effect.
     """
-    if eyes_of(scene) is None:
-        return False
-    now = scene.camera.data.stereo
-    if (now.convergence_mode, now.pivot) != (stereo["convergence_mode"], stereo["pivot"]):
-        return True
-    names = ["interocular_distance"] + ["convergence_distance"] * (now.convergence_mode != "PARALLEL")
-    return any(not math.isclose(getattr(now, name), stereo[name], rel_tol=1e-5) for name in names)
+    try:
+        camera = check_camera(scene.camera)
+    except BadInputError:
+        return None
+    if not is_panorama(camera) and asked_panorama(scene) != report.get("panorama"):
+        return HEADSET_SET_ANEW
+    now, then = camera.data.stereo, report["stereo"]
+    names = stereo_settings_that_count(scene)
+    texts = names & {"convergence_mode", "pivot"}
+    if any(getattr(now, name) != then[name] for name in texts):
+        return CAMERA_SET_ANEW
+    numbers = names - texts
+    is_same = all(math.isclose(getattr(now, name), then[name], rel_tol=1e-5) for name in numbers)
+    return None if is_same else CAMERA_SET_ANEW
 
 
 def is_comfortable(scene: bpy.types.Scene, parallax: ScreenParallax) -> bool:

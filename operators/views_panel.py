@@ -8,11 +8,16 @@ from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.report.views_verdict import verdicts_on_views
 from ..stereo_reproject.words import Words
 from .drawing import BUTTON_SCALE, ICONS, draw_noted, paragraph
-from .fitting import draw_setting
+from .fitting import ICON_PX, draw_setting, first_that_fits
 from .results import DeliveredViews, result_of
 from .text import sentence, shown
 from .views import RENDER_OT_stereo_reproject_views, views_obstacle
 from .views_properties import OTHER, views_settings_of
+
+SHOW_CONE = ("Show Cone in 3D View", "Show Cone in 3D", "Show Cone")
+"""Texts of the button that draws the cone: the usual one, and shorter ones for narrow panels."""
+
+FOCUS_PLANE = "What stands in the focus plane is in the plane of the display."
 
 
 class Views:
@@ -48,11 +53,13 @@ class Views:
         draw_setting(column, context, chosen, "cone" if chosen.spacing == "CONE" else "baseline")
         if camera is not None and camera.type == "CAMERA":
             draw_setting(column, context, camera.data.stereo, "convergence_distance", text="Focus Plane")
+            paragraph(column, context, FOCUS_PLANE)
         if chosen.display == OTHER:
             grid = column.column(align=True)
             draw_setting(grid, context, chosen, "columns")
             draw_setting(grid, context, chosen, "rows")
-        layout.prop(chosen, "show_cone", toggle=True, icon="VIEW3D")
+        show = first_that_fits(context, SHOW_CONE, 1.0, ICON_PX)
+        layout.prop(chosen, "show_cone", text=show, toggle=True, icon="VIEW3D")
 
 
 def quilt_words(scene: bpy.types.Scene) -> Words:

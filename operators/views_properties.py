@@ -119,7 +119,7 @@ class StereoReprojectViews(bpy.types.PropertyGroup):
         max=MAX_COUNT,
     )
     show_cone: bpy.props.BoolProperty(
-        name="Show in 3D View",
+        name="Show Cone in 3D View",
         description="Draw the line on which the cameras stand, what the outermost ones see, and the focus plane, in the"
         " 3D View",
         default=False,

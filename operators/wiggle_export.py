@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -51,15 +52,28 @@ def named_as(path: str, kind: str) -> str:
 
 
 def _rename(operator: STEREO_REPROJECT_OT_export_wiggle, context: bpy.types.Context) -> None:
-    """Give the file the ending of the format that was chosen, in the File Browser too."""
-    operator.filepath = named_as(operator.filepath, operator.format)
+    """Give the file the ending of the format that was chosen, in the File Browser too; a name that was suggested loses
+    the number that it needs only with the other ending."""
     chosen = getattr(context.space_data, "params", None)
+    folder = os.fsdecode(chosen.directory) if chosen is not None else str(Path(operator.filepath).parent)
+    operator.filepath = _renamed(operator.filepath, operator, folder)
     if chosen is not None:
-        chosen.filename = named_as(chosen.filename, operator.format)
+        chosen.filename = _renamed(chosen.filename, operator, folder)
+
+
+def _renamed(path: str, operator: STEREO_REPROJECT_OT_export_wiggle, folder: str) -> str:
+    """Return a path, or a name, with the ending of the operator's format. Where it was suggested, with another ending,
+    it is suggested anew for this folder."""
+    named = named_as(path, operator.format)
+    if named == path or not operator.stem or Path(path).stem not in _suggested:
+        return named
+    free = suggested_path("", str(Path(folder, operator.stem)), SUFFIXES[operator.format])
+    return str(Path(path).with_name(Path(free).name))
 
 
 class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
-    """Save the stereo pair as a file that shows one eye after the other, for ever: an animated GIF, or a movie (MP4)"""
+    """Save the stereo pair as a file that shows one eye after the other: an animated GIF, which plays for ever, or a
+    movie (MP4) of ten seconds"""
 
     bl_idname = "stereo_reproject.export_wiggle"
     bl_label = "Export Wiggle"
@@ -99,6 +113,11 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         max=5.0,
         step=5,
     )
+    stem: bpy.props.StringProperty(
+        name="Name",
+        description="Name that fits the pair, without ending and number",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
     sides: bpy.props.IntVectorProperty(
         name="Sides of the Pair",
         description="Width and height of the pair in pixels; 0 where they are not known",
@@ -117,7 +136,10 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         """Open a File Browser, with a name that says of which frame the wiggle is, and a size at which depth is
         seen.
         """
-        self.filepath = suggested_path(self.filepath, _stem_of(context), SUFFIXES[self.format])
+        stem = _stem_of(context)
+        self.filepath = suggested_path(self.filepath, stem, SUFFIXES[self.format])
+        # The File Browser tells no more where the pair is.
+        self.stem = Path(stem).name
         # The File Browser may take the place of the editor that shows the pair.
         self.sides = _sides_of_pair(context) or (0, 0)
         if not self.properties.is_property_set("percentage"):

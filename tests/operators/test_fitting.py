@@ -50,7 +50,7 @@ def test_a_name_without_room_stands_above(extension, width, scale):
 
 def test_a_checkbox_has_room_to_the_end_of_the_panel(extension):
     assert setting("use_scripts", context(400)) == [("prop", "use_scripts", "Run Scripts of the File beside")]
-    *name, box = setting("use_scripts", context(250, 1.5))
+    box, *name = setting("use_scripts", context(250, 1.5))
     assert " ".join(text for _, text in name) == "Run Scripts of the File"
     assert box == ("prop", "use_scripts", "")
 

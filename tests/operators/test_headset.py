@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.settings.frame import SceneOverrides
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, set_border
@@ -132,6 +133,86 @@ def test_the_camera_s_panel_tells_what_a_headset_needs_and_nothing_of_a_screen(e
     told = degrees is not None and by == "camera"
     assert text.count("turn apart") == told
     assert not told or f"by {degrees}°" in text
+    says = "only the interocular distance counts" if by == "panel" else "What is grey does not count"
+    assert says in text
+
+
+def parallel(data):
+    data.stereo.convergence_mode = "PARALLEL"
+
+
+def toed_in(data):
+    data.stereo.convergence_mode = "TOE"
+
+
+def spherical(data):
+    data.stereo.use_spherical_stereo = True
+
+
+MODE, PIVOT, DISTANCE = "convergence_mode", "pivot", "convergence_distance"
+COUNT = {
+    "a screen": ("PERSP", [], {MODE, PIVOT, DISTANCE}),
+    "a screen, parallel": ("PERSP", [parallel], {MODE, PIVOT}),
+    "orthographic": ("ORTHO", [], {MODE, PIVOT, DISTANCE}),
+    "panorama": ("PANO", [], {MODE, PIVOT}),
+    "panorama, toed in": ("PANO", [toed_in], {MODE, PIVOT, DISTANCE}),
+    "spherical": ("PANO", [spherical], {MODE, DISTANCE}),
+    "spherical, parallel": ("PANO", [spherical, parallel], {MODE}),
+    "spherical, in perspective": ("PERSP", [spherical], {MODE, DISTANCE}),
+}
+
+
+@pytest.mark.parametrize(("kind", "changes", "count"), COUNT.values(), ids=COUNT.keys())
+def test_the_stereo_settings_that_count_are_those_that_move_an_eye(extension, scene, kind, changes, count):
+    """Those of a camera itself: each is changed by itself, and either moves what the eyes see or does not."""
+    from stereo_reproject_extension.operators.headset import stereo_settings_that_count
+
+    data = scene.camera.data
+    data.type = kind
+    if kind == "PANO":
+        panorama(scene)
+    for change in changes:
+        change(data)
+    assert stereo_settings_that_count(scene) == {"interocular_distance", *count}
+    before = rays(scene)
+    data.stereo.pivot = "CENTER" if data.stereo.pivot != "CENTER" else "RIGHT"
+    moved = {PIVOT} if rays(scene) != before else set()
+    before = rays(scene)
+    data.stereo.convergence_distance *= 2.0
+    moved |= {DISTANCE} if rays(scene) != before else set()
+    assert moved == count - {MODE}
+
+
+def rays(scene):
+    """All that both eyes of the scene's camera are told by, as text."""
+    bpy.context.view_layer.update()
+    return repr(stereo_cameras(scene.camera, scene.render))
+
+
+def test_only_the_interocular_distance_counts_for_what_the_panel_asks(extension, scene):
+    from stereo_reproject_extension.operators.headset import stereo_settings_that_count
+
+    choose(scene, "vr360")
+    assert stereo_settings_that_count(scene) == {"interocular_distance"}
+
+
+def test_the_verdict_says_that_the_headset_setting_was_changed_and_not_the_camera_s(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+    from stereo_reproject_extension.operators.stereo import set_anew_words
+
+    stereo = scene.camera.data.stereo
+    choose(scene, "vr180")
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    report = result_of(scene).report
+    assert set_anew_words(scene, report) is None
+    stereo.convergence_distance, stereo.pivot = 3.0, "RIGHT"
+    assert set_anew_words(scene, report) is None
+    stereo.interocular_distance *= 2.0
+    assert set_anew_words(scene, report).startswith("The camera's stereo settings were changed since")
+    stereo.interocular_distance *= 0.5
+    for other in ("camera", "vr360"):
+        choose(scene, other)
+        assert set_anew_words(scene, report).startswith("The headset setting was changed since")
 
 
 # Bad input

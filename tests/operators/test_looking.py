@@ -255,6 +255,22 @@ def test_a_name_that_was_typed_stays_and_a_suggested_one_follows_the_frame(exten
     assert again == str(tmp_path / "film_3.gif")
 
 
+def test_the_number_of_a_suggested_name_is_that_of_its_ending(extension, tmp_path):
+    """And a name that was typed keeps its number."""
+    from stereo_reproject_extension.operators.wiggle_export import _renamed, suggested_path
+
+    (tmp_path / "film.gif").touch()
+    folder, as_movie = str(tmp_path), SimpleNamespace(format="MP4", stem="film")
+    path = suggested_path("", str(tmp_path / "film"), ".gif")
+    assert path == str(tmp_path / "film_2.gif")
+    assert _renamed(path, as_movie, folder) == str(tmp_path / "film.mp4")
+    assert _renamed("film_2.gif", as_movie, folder) == "film.mp4"
+    assert _renamed("film_2.mp4", as_movie, folder) == "film_2.mp4"
+    assert _renamed("mine_2.gif", as_movie, folder) == "mine_2.mp4"
+    assert _renamed("film.mp4", SimpleNamespace(format="GIF", stem="film"), folder) == "film_2.gif"
+    assert _renamed("film_2.gif", SimpleNamespace(format="MP4", stem=""), folder) == "film_2.mp4"
+
+
 def test_the_button_of_the_picture_that_is_shown_is_pressed(pair):
     from stereo_reproject_extension.operators.image_panels import IMAGE_PT_stereo_reproject
     from stereo_reproject_extension.operators.pictures import load_picture

@@ -14,6 +14,7 @@ from stereo_reproject.blender.output.pictures import check_png
 from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_compositor, mirror_before_wall
+from tests.operators.test_operators import Drawn
 
 STAGES = ["load", "plan", "source", "warp", "fill", "refine", "composite", "account", "write"]
 
@@ -207,8 +208,12 @@ def test_an_animation_that_goes_on_says_of_which_frames_its_numbers_are(extensio
 
     monkeypatch.setattr(run.BackgroundJob, "_on_event", cancel_in_the_third)
     assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
-    goes_on = "Render Animation goes on with the others"
-    assert result.ended == f"Cancelled: no frame was finished, 2 were there already. {goes_on}"
+    cancelled, others = "Cancelled: no frame was finished, 2 were there already.", "on with the others"
+    assert f"{cancelled} Render Animation goes {others}." in drawn_outcome(animated)
+    # The panel goes by what is set now.
+    animated.render.use_overwrite = True
+    assert f"{cancelled} To go {others}, switch off Overwrite in Output first." in drawn_outcome(animated)
+    animated.render.use_overwrite = False
 
     monkeypatch.setattr(
         run.BackgroundJob,
@@ -227,6 +232,16 @@ def test_an_animation_that_goes_on_says_of_which_frames_its_numbers_are(extensio
     assert of_all.startswith("3 frames in all, ")
     everything_saved = result.animation["totals"]["multiview_seconds"]
     assert everything_saved == pytest.approx(result.new_totals["multiview_seconds"] + first_saved)
+
+
+def drawn_outcome(scene):
+    """What the panel says below its buttons."""
+    from stereo_reproject_extension.operators.drawing import draw_outcome
+
+    layout = Drawn()
+    context = SimpleNamespace(scene=scene, region=None, space_data=None, preferences=bpy.context.preferences)
+    draw_outcome(layout, context)
+    return " ".join(item[-1]["text"] for item in layout.items if item[0] == "label")
 
 
 @pytest.mark.parametrize("stage", ["plan", "source", "fill"])

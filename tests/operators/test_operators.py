@@ -243,6 +243,18 @@ def test_the_preview_s_panel_tells_its_pixels(extension, scene, size, percentage
     assert said in " ".join(texts)
 
 
+@pytest.mark.parametrize(("full", "said"), [(8, "8 samples, as many as the whole picture has."), (64, None)])
+@pytest.mark.parametrize("engine", ["cycles", "eevee"])
+def test_a_preview_takes_no_more_samples_than_the_scene_and_its_panel_says_so(extension, scene, engine, full, said):
+    from stereo_reproject_extension.operators import render
+
+    scene.cycles.samples = scene.eevee.taa_render_samples = full
+    scene.stereo_reproject.source_engine, scene.stereo_reproject.preview_samples = engine, 16
+    assert render.settings_of(scene, preview=True).scene.samples == min(full, 16)
+    assert render.settings_of(scene, preview=False).scene.samples is None
+    assert render.fewer_samples_words(scene) == said
+
+
 def test_what_is_seldom_set_is_in_closed_panels(extension):
     closed = {"details", "engine", "layout", "preview", "advanced"}
     for prefix in ("RENDER", "VIEW3D"):

@@ -167,6 +167,7 @@ class AnimationUnderWay:
 
 def test_progress_is_translated(german):
     from stereo_reproject_extension.operators.run_words import (
+        cancelled_and_on,
         cancelled_words,
         progress_of,
         run_progress,
@@ -178,7 +179,7 @@ def test_progress_is_translated(german):
     assert shown(progress_of(run)[1]) == "50 %, noch 42 s (Bild 13, 3/4)"
     assert shown(stage_and_saved(run_progress(run))).endswith(", bisher 3 min 10 s gespart mit 2 Bildern")
     how = reported("To go on with the others, switch off Overwrite in Output first")
-    assert reported(cancelled_words(run)) == f"Abgebrochen: 2 Bilder bleiben. {how}"
+    assert reported(cancelled_and_on(cancelled_words(run), "overwrite")) == f"Abgebrochen: 2 Bilder bleiben. {how}"
     assert how.startswith("Dazu")
     run.is_ending = True
     assert shown(progress_of(run)[1]) == "Endet"

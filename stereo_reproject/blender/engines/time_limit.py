@@ -103,14 +103,14 @@ def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[
     if samples is not None:
         first = cycles.sample_offset if cycles.use_sample_subset else 0
         values |= {"use_sample_subset": True, "sample_offset": first, "sample_subset_length": samples}
-        values["adaptive_threshold"] = _threshold(cycles, _samples_asked_for(scene), samples)
+        values["adaptive_threshold"] = _threshold(cycles, samples_asked_for(scene, rendered_layer(scene)), samples)
     with changed(cycles, **values):
         yield
 
 
-def _samples_asked_for(scene: bpy.types.Scene) -> int:
-    """Return the samples that the rendered view layer asks for: its own number where it counts, else the scene's."""
-    cycles, own = scene.cycles, rendered_layer(scene).samples
+def samples_asked_for(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> int:
+    """Return the samples that a view layer asks Cycles for: its own number where it counts, else the scene's."""
+    cycles, own = scene.cycles, layer.samples
     if own <= 0 or cycles.use_layer_samples == "IGNORE":
         return cycles.samples
     return min(own, cycles.samples) if cycles.use_layer_samples == "BOUNDED" else own

@@ -20,7 +20,16 @@ from ...pipeline.stereo_frame import StereoFrame, colour
 from ...views.cutouts import Cutout, cutouts_of, natural_size
 from ...views.panorama import PanoramicCamera
 from .delivery import deliver_side_by_side
-from .pictures import coloured_holes, display, drawn, legend_of_holes, read_png, shares_by_reason
+from .pictures import (
+    coloured_holes,
+    display,
+    drawn,
+    legend_below,
+    legend_of_holes,
+    read_png,
+    shares_by_reason,
+    text_scale,
+)
 
 SIZES_PX = (192, 640)
 """Least and greatest width of a cut-out in the sheet: of less its title has no room, and five of more are wider than
@@ -146,7 +155,7 @@ def write_cutouts(
     sheet = _sheet(path, [cutout.cutout.title for cutout in cutouts], rows)
     if with_legend:
         legend = legend_of_holes(_mean_shares([cutout.shares(frame.reasons) for cutout in cutouts]))
-        sheet = np.concatenate([sheet, drawn(path, legend, sheet.shape[1])])
+        sheet = np.concatenate([sheet, legend_below(path, legend, sheet.shape[1])])
     write_png(path, sheet)
 
 
@@ -178,11 +187,12 @@ def _sheet(path: Path, titles: Sequence[str], rows: Mapping[str, list[NDArray[np
     """Return rows of pictures (S, S, 3) below each other, each below its name, with the titles of the columns above
     them. path takes texts meanwhile. Raises BadInputError."""
     size = next(iter(rows.values()))[0].shape[1]
-    heads = [drawn(path, [(title.capitalize(), None)], size) for title in titles]
+    width = len(titles) * (size + GAP_PX) - GAP_PX
+    heads = [drawn(path, [(title.capitalize(), None)], size, scale=text_scale(width)) for title in titles]
     height = max(head.shape[0] for head in heads)
     parts = [_side_by_side([_padded(head, height) for head in heads])]
     for name, pictures in rows.items():
-        parts += [drawn(path, [(name, None)], parts[0].shape[1]), _side_by_side(pictures)]
+        parts += [legend_below(path, [(name, None)], width), _side_by_side(pictures)]
     return np.concatenate(parts)
 
 

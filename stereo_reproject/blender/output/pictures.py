@@ -61,6 +61,12 @@ GRID_COLOUR = (60, 230, 120)
 GRID_WIDTH_PIXELS = 2880
 """Pixels up to which the picture of the grid is enlarged."""
 FONT = 0
+TEXT_PX = 16.0
+"""Size of a legend's text."""
+
+MAX_USUAL_WIDTH_PX = 1280
+"""Width of a picture up to which that is its text's size; that of a wider one grows with it, since an Image Editor
+fits it to a window."""
 
 
 def display(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -199,38 +205,49 @@ def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) ->
 
 def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: Legend) -> None:
     """Write a PNG of the picture (H, W, 3), in bytes, with a legend below. Raises BadInputError."""
-    write_png(path, np.concatenate([picture, drawn(path, legend, picture.shape[1])]))
+    write_png(path, np.concatenate([picture, legend_below(path, legend, picture.shape[1])]))
 
 
-def drawn(path: Path, legend: Legend, width: int) -> NDArray[np.uint8]:
-    """Return a legend as a picture (h, width, 3) in bytes: texts, each after a square in its colour where it has one.
+def legend_below(path: Path, legend: Legend, width: int) -> NDArray[np.uint8]:
+    """Return a legend as `drawn` does, for a picture of this width in pixels, with text that can be read where the
+    picture is fitted to a window."""
+    return drawn(path, legend, width, scale=text_scale(width))
+
+
+def text_scale(width: int) -> float:
+    """Return how many times as large as usual the text of a picture is, whose width is in pixels."""
+    return max(width / MAX_USUAL_WIDTH_PX, 1.0)
+
+
+def drawn(path: Path, legend: Legend, width: int, *, scale: float = 1.0) -> NDArray[np.uint8]:
+    """Return a legend as a picture (h, width, 3) in bytes: texts, each after a square in its colour where it has one,
+    all of it so many times as large as usual as scale says.
 
     path is that of the PNG that it is for, and takes the legend meanwhile: Blender draws into files alone. Raises
     BadInputError.
     """
-    size = 16.0
-    blf.size(FONT, size)
-    line, margin, square = 26, 10, 14
+    blf.size(FONT, TEXT_PX * scale)
+    line, margin, square, gap, above = (round(pixels * scale) for pixels in (26, 10, 14, 8, 9))
     places: list[tuple[str, tuple[int, int, int] | None, int, int]] = []
     x, y = margin, 0
     for text, colour in legend:
-        for part, words in enumerate(_wrapped(text, width - square - 8 - 2 * margin)):
-            needed = square + 8 + int(_length(words)) + 2 * margin
+        for part, words in enumerate(_wrapped(text, width - square - gap - 2 * margin)):
+            needed = square + gap + int(_length(words)) + 2 * margin
             if part or (x + needed > width and x > margin):
                 x, y = margin, y + line
-            places.append((words, None if part else colour, x if colour is not None else x - square - 8, y))
+            places.append((words, None if part else colour, x if colour is not None else x - square - gap, y))
             x += needed
-    canvas = np.full((y + line + 6, width, 3), 24, np.uint8)
+    canvas = np.full((y + line + margin // 2 + 1, width, 3), 24, np.uint8)
     for _, colour, x, y in places:
         if colour is not None:
-            canvas[y + 9 : y + 9 + square, x : x + square] = colour
+            canvas[y + above : y + above + square, x : x + square] = colour
     write_png(path, canvas)
     image = imbuf.load(str(path))
     blf.color(FONT, 0.92, 0.92, 0.92, 1.0)
     # The stubs do not know that this is a context manager.
     with blf.bind_imbuf(FONT, image):  # pyright: ignore[reportGeneralTypeIssues]
         for text, _, x, y in places:
-            blf.position(FONT, x + square + 8, canvas.shape[0] - (y + 9 + square) + 2, 0)
+            blf.position(FONT, x + square + gap, canvas.shape[0] - (y + above + square) + round(2 * scale), 0)
             blf.draw_buffer(FONT, text)
     imbuf.write(image, filepath=str(path))
     image.free()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.output.cutout_sheet import SIZES_PX, sheet_cutouts, write_cutouts
-from stereo_reproject.blender.output.pictures import COLOURS, read_png
+from stereo_reproject.blender.output.pictures import COLOURS, MAX_USUAL_WIDTH_PX, legend_below, read_png
 from stereo_reproject.images.exr import VIEWS
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.images.reasons import Reason
@@ -71,3 +71,15 @@ def test_a_dome_has_cutouts_of_its_own_size():
     dome = PanoramicCamera(2048, 512, np.eye(4), PICTURE, Equirectangular(WHOLE, (0.0, 0.5 * np.pi)))
     first = sheet_cutouts(dome)[0]
     assert (first.cutout.title, first.size, first.coarser) == ("up 90°", 640, 1)
+
+
+def test_texts_of_a_wide_picture_are_as_large_as_in_one_of_usual_width_when_both_fill_a_window(tmp_path):
+    usual, wide = (drawn_height(tmp_path, width) / width for width in (MAX_USUAL_WIDTH_PX, 5 * SIZES_PX[1]))
+    assert wide == pytest.approx(usual, rel=0.1)
+    assert drawn_height(tmp_path, 400) == drawn_height(tmp_path, MAX_USUAL_WIDTH_PX)
+
+
+def drawn_height(folder, width):
+    """Rows of bright pixels in a text below a picture of this width."""
+    picture = legend_below(folder / "text.png", [("Hg", None)], width)
+    return np.ptp(np.flatnonzero((picture > 128).any(axis=(1, 2)))) + 1
