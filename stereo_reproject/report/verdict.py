@@ -200,7 +200,7 @@ def duration(seconds: float) -> str:
 
 
 def saved_words(seconds: float, plain: float | None = None) -> str:
-    """Return in words how much time was saved, such as "3 min 10 s saved", or "17 s saved of 43 s (39 %)" where
+    """Return in words how much time was saved, such as "3 min 10 s saved", or "17 s saved of 43 s (40 %)" where
     `plain` has the seconds of rendering both eyes; negative seconds are those that were lost."""
     if seconds >= LEAST_SAVED_SECONDS:
         if plain is None:
