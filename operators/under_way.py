@@ -188,9 +188,9 @@ def is_fitted() -> bool:
 
 
 def hand_over() -> bool:
-    """Have the Render Result, or an image of ours where a pair was seen without glasses, take the place
-    of the job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown,
-    so that an editor is still to be chosen.
+    """Have the Render Result, or an image of ours where a pair was seen without glasses, take the place of the job's
+    image wherever that is shown, and end with it. Return False where no picture of the job was ever shown, so that an
+    editor is still to be chosen.
     """
     remove_line()
     if not _editors or not _editors[0].image:

@@ -232,8 +232,8 @@ class BlenderRenderer:
             if method == "packed":
                 renders, traced = self._traced_together(requests)
                 if len(renders) == 1:
-                    shares = [float(np.mean(mask)) for request in requests for mask in request.masks]
-                    self._note("packed", renders[0], sum(shares))
+                    pixels = sum(float(np.mean(mask)) for request in requests for mask in request.masks)
+                    self._note("packed", renders[0], pixels)
             else:
                 traced = [self._trace_whole(method, request) for request in requests]
         return [self._guided(passes) for passes in traced]
